@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! numpy arrays as Rust slices and back.
+
+use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+/// Any error of the core as Python's `ValueError`.
+pub fn value_error(error: impl ToString) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+pub fn flat<'a, T: Element>(array: &'a PyReadonlyArray1<'_, T>) -> PyResult<&'a [T]> {
+    array.as_slice().map_err(value_error)
+}
+
+/// A C-contiguous (N, 3) array as N triples.
+pub fn triples<'a, T: Element>(array: &'a PyReadonlyArray2<'_, T>, what: &str) -> PyResult<&'a [[T; 3]]> {
+    let (rows, rest) = array.as_slice().map_err(value_error)?.as_chunks::<3>();
+    if array.as_array().ncols() != 3 || !rest.is_empty() {
+        return Err(value_error(format!("{what}: expected shape (N, 3)")));
+    }
+    Ok(rows)
+}
+
+/// A C-contiguous (N, 3, 3) array as N triangles.
+pub fn triangles<'a>(array: &'a PyReadonlyArray3<'_, f64>) -> PyResult<&'a [[[f64; 3]; 3]]> {
+    if array.as_array().shape()[1..] != [3, 3] {
+        return Err(value_error("triangles: expected shape (N, 3, 3)"));
+    }
+    let (corners, _) = array.as_slice().map_err(value_error)?.as_chunks::<3>();
+    Ok(corners.as_chunks::<3>().0)
+}
+
+pub fn vector<'py, T: Element>(py: Python<'py>, values: Vec<T>) -> Bound<'py, PyArray1<T>> {
+    PyArray1::from_vec(py, values)
+}
+
+/// N triples as an (N, 3) array.
+pub fn table<'py, T: Element>(py: Python<'py>, rows: Vec<[T; 3]>) -> PyResult<Bound<'py, PyArray2<T>>> {
+    let count = rows.len();
+    PyArray1::from_vec(py, rows.into_flattened()).reshape([count, 3])
+}

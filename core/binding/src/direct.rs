@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The direct sum, near patches and rays.
+
+use crate::arrays::{flat, table, triangles, triples, value_error, vector};
+use fmm::near_field::{Patches, PointSources};
+use fmm::rays::{FacingRays, Frame, Oriented};
+use numpy::{
+    PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+
+type Points<'py> = PyReadonlyArray2<'py, f64>;
+type Rays<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
+
+/// Point sources of the direct sum.
+#[pyclass(frozen)]
+pub struct Sources {
+    sources: fmm::direct::Sources,
+    positions: Vec<[f64; 3]>,
+    normals: Vec<[f64; 3]>,
+    softening: Vec<f64>,
+    areas: Vec<f64>,
+    points_per_patch: usize,
+}
+
+#[pymethods]
+impl Sources {
+    #[new]
+    fn new(
+        positions: Points,
+        normals: Points,
+        softening: PyReadonlyArray1<f64>,
+        areas: PyReadonlyArray1<f64>,
+        points_per_patch: usize,
+    ) -> PyResult<Self> {
+        let (positions, normals) = (triples(&positions, "positions")?, triples(&normals, "normals")?);
+        let softening = flat(&softening)?;
+        Ok(Sources {
+            sources: fmm::direct::Sources::new(positions, normals, softening).map_err(value_error)?,
+            positions: positions.to_vec(),
+            normals: normals.to_vec(),
+            softening: softening.to_vec(),
+            areas: flat(&areas)?.to_vec(),
+            points_per_patch,
+        })
+    }
+
+    fn __len__(&self) -> usize {
+        self.sources.len()
+    }
+
+    /// 64-bit words in a receiver's row of visibility bits.
+    #[getter]
+    fn words(&self) -> usize {
+        self.sources.words()
+    }
+
+    #[pyo3(signature = (points, normals, strengths, visible=None))]
+    fn irradiance<'py>(
+        &self,
+        py: Python<'py>,
+        points: Points,
+        normals: Points,
+        strengths: Points,
+        visible: Option<PyReadonlyArray1<u64>>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
+        let strengths = triples(&strengths, "strengths")?;
+        let bits = visible.as_ref().map(flat).transpose()?;
+        let sum = py.detach(|| self.sources.irradiance(points, normals, strengths, bits)).map_err(value_error)?;
+        table(py, sum)
+    }
+}
+
+impl Sources {
+    fn oriented(&self) -> Oriented<'_> {
+        Oriented { points: &self.positions, normals: &self.normals }
+    }
+}
+
+/// Patches near each receiver, with exact form factors.
+#[pyclass(frozen)]
+pub struct NearField {
+    near: fmm::near_field::NearField,
+}
+
+#[pymethods]
+impl NearField {
+    #[new]
+    fn new(
+        py: Python,
+        points: Points,
+        normals: Points,
+        patches: PyReadonlyArray3<f64>,
+        reach: PyReadonlyArray1<f64>,
+    ) -> PyResult<Self> {
+        let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
+        let patches = Patches { triangles: triangles(&patches)?, reach: flat(&reach)? };
+        let near = py.detach(|| fmm::near_field::NearField::new(points, normals, &patches)).map_err(value_error)?;
+        Ok(NearField { near })
+    }
+
+    fn __len__(&self) -> usize {
+        self.near.patches.len()
+    }
+
+    /// (M + 1) first entry of each receiver.
+    fn starts<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<usize>> {
+        vector(py, self.near.starts.clone())
+    }
+
+    /// (K) patch of each entry.
+    fn patches<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        vector(py, self.near.patches.clone())
+    }
+
+    /// (K) exact form factor of each entry, without occlusion.
+    fn form_factors<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        vector(py, self.near.form_factors.clone())
+    }
+
+    /// (K, 3) where a ray from the receiver should end.
+    fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        table(py, self.near.targets.clone())
+    }
+}
+
+/// Sparse matrix that turns the point kernel of near patches into exact form factors.
+#[pyclass(frozen)]
+pub struct Correction {
+    correction: fmm::near_field::Correction,
+}
+
+#[pymethods]
+impl Correction {
+    #[new]
+    #[pyo3(signature = (near, points, normals, sources, fractions, visible=None))]
+    fn new(
+        py: Python,
+        near: &NearField,
+        points: Points,
+        normals: Points,
+        sources: &Sources,
+        fractions: PyReadonlyArray1<f64>,
+        visible: Option<PyReadonlyArray1<u64>>,
+    ) -> PyResult<Self> {
+        let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
+        let (fractions, bits) = (flat(&fractions)?, visible.as_ref().map(flat).transpose()?);
+        let of = PointSources {
+            positions: &sources.positions,
+            normals: &sources.normals,
+            softening: &sources.softening,
+            points_per_patch: sources.points_per_patch,
+            areas: &sources.areas,
+        };
+        let build = || fmm::near_field::Correction::new(&near.near, points, normals, &of, fractions, bits);
+        Ok(Correction { correction: py.detach(build).map_err(value_error)? })
+    }
+
+    fn __len__(&self) -> usize {
+        self.correction.len()
+    }
+
+    /// Adds the correction for strengths (N, 3) to irradiance (M, 3) in place.
+    fn add(&self, py: Python, strengths: Points, mut irradiance: numpy::PyReadwriteArray2<f64>) -> PyResult<()> {
+        let strengths = triples(&strengths, "strengths")?;
+        let (rows, _) = irradiance.as_slice_mut().map_err(value_error)?.as_chunks_mut::<3>();
+        py.detach(|| self.correction.add(strengths, rows)).map_err(value_error)
+    }
+}
+
+/// Rays from a block of receivers to every source that faces them: pairs, origins, directions.
+#[pyfunction]
+#[pyo3(signature = (points, normals, sources, after, centre, scale, offset))]
+#[allow(clippy::too_many_arguments)]
+pub fn facing_rays<'py>(
+    py: Python<'py>,
+    points: Points,
+    normals: Points,
+    sources: &Sources,
+    after: Option<usize>,
+    centre: [f64; 3],
+    scale: f64,
+    offset: f64,
+) -> PyResult<Rays<'py>> {
+    let receivers = Oriented { points: triples(&points, "points")?, normals: triples(&normals, "normals")? };
+    let frame = Frame { centre, scale, offset };
+    let rays = py.detach(|| FacingRays::new(receivers, sources.oriented(), after, &frame)).map_err(value_error)?;
+    Ok((vector(py, rays.pairs), table(py, rays.origins)?, table(py, rays.directions)?))
+}
+
+/// Sets the bits of the pairs that are not occluded, in place.
+#[pyfunction]
+pub fn mark_visible(
+    py: Python,
+    mut bits: PyReadwriteArray1<u64>,
+    count: usize,
+    pairs: PyReadonlyArray1<u64>,
+    occluded: PyReadonlyArray1<bool>,
+) -> PyResult<()> {
+    let bits = bits.as_slice_mut().map_err(value_error)?;
+    let (pairs, occluded) = (flat(&pairs)?, flat(&occluded)?);
+    py.detach(|| fmm::rays::mark_visible(bits, count, pairs, occluded)).map_err(value_error)
+}
+
+/// Copies the upper triangle of a square bit matrix to the lower one, in place.
+#[pyfunction]
+pub fn symmetrise(py: Python, mut bits: PyReadwriteArray1<u64>, count: usize) -> PyResult<()> {
+    let bits = bits.as_slice_mut().map_err(value_error)?;
+    py.detach(|| fmm::rays::symmetrise(bits, count)).map_err(value_error)
+}
+
+/// Exact form factors (M,) from points to the fronts of triangles, row by row.
+#[pyfunction]
+pub fn form_factors<'py>(
+    py: Python<'py>,
+    points: Points,
+    normals: Points,
+    patches: PyReadonlyArray3<f64>,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
+    let patches_of = triangles(&patches)?;
+    if points.len() != normals.len() || points.len() != patches.shape()[0] {
+        return Err(value_error("form_factors: points, normals and triangles differ in length"));
+    }
+    let factors = (0..points.len()).map(|i| fmm::form_factor::point_to_triangle(points[i], normals[i], &patches_of[i]));
+    Ok(vector(py, factors.collect()))
+}

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Python binding: checks arrays, releases the interpreter lock, turns errors into `ValueError`.
+
+mod arrays;
+mod direct;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _binding(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<direct::Sources>()?;
+    module.add_class::<direct::NearField>()?;
+    module.add_class::<direct::Correction>()?;
+    module.add_function(wrap_pyfunction!(direct::facing_rays, module)?)?;
+    module.add_function(wrap_pyfunction!(direct::mark_visible, module)?)?;
+    module.add_function(wrap_pyfunction!(direct::symmetrise, module)?)?;
+    module.add_function(wrap_pyfunction!(direct::form_factors, module)?)?;
+    Ok(())
+}

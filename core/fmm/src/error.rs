@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What can be wrong with the input, said with the offending values.
+
+use std::fmt;
+
+#[derive(Debug, Clone, PartialEq)]
+pub enum Error {
+    /// Two arrays that describe the same things differ in length.
+    Length { what: &'static str, expected: usize, found: usize },
+    /// An index points past the end of what it indexes.
+    Index { what: &'static str, index: usize, count: usize },
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Error::Length { what, expected, found } => write!(f, "{what}: expected {expected} rows, found {found}"),
+            Error::Index { what, index, count } => write!(f, "{what}: index {index} is out of range for {count}"),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+/// Fails unless `found` rows of `what` are as many as `expected`.
+pub fn same_length(what: &'static str, expected: usize, found: usize) -> Result<(), Error> {
+    if expected == found { Ok(()) } else { Err(Error::Length { what, expected, found }) }
+}

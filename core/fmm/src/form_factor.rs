@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Exact form factors from a point to a triangle.
+
+use glam::DVec3;
+use std::f64::consts::PI;
+
+/// The part of a triangle in front of a receiver's horizon: at most four corners.
+#[derive(Debug, Clone, Copy)]
+pub struct Clipped {
+    corners: [DVec3; 4],
+    count: usize,
+}
+
+impl Clipped {
+    /// Clips `triangle` by the plane through `x` with normal `n_x`; corners are kept relative to `x`.
+    pub fn new(x: DVec3, n_x: DVec3, triangle: &[DVec3; 3]) -> Self {
+        let relative = triangle.map(|v| v - x);
+        let height = relative.map(|v| n_x.dot(v));
+        let mut clipped = Clipped { corners: [DVec3::ZERO; 4], count: 0 };
+        for i in 0..3 {
+            let j = (i + 1) % 3;
+            if height[i] >= 0.0 {
+                clipped.push(relative[i]);
+            }
+            if (height[i] > 0.0 && height[j] < 0.0) || (height[i] < 0.0 && height[j] > 0.0) {
+                clipped.push(relative[i].lerp(relative[j], height[i] / (height[i] - height[j])));
+            }
+        }
+        clipped
+    }
+
+    fn push(&mut self, corner: DVec3) {
+        if self.count < 4 {
+            self.corners[self.count] = corner;
+            self.count += 1;
+        }
+    }
+
+    fn corners(&self) -> &[DVec3] {
+        &self.corners[..self.count]
+    }
+
+    /// Form factor from the point to the clipped polygon, in [0, 1]: Lambert's contour sum
+    /// F = 1/(2 pi) sum over edges of angle * n_x . unit(a x b). Baum, Rushmeier and Winget, "Improving radiosity
+    /// solutions through the use of analytically determined form-factors", SIGGRAPH 1989, eq 5.
+    pub fn form_factor(&self, n_x: DVec3) -> f64 {
+        let corners = self.corners();
+        let mut sum = 0.0;
+        for (i, &a) in corners.iter().enumerate() {
+            let b = corners[(i + 1) % corners.len()];
+            let cross = a.cross(b);
+            let length = cross.length();
+            // An edge on a line through the receiver spans no angle seen from it.
+            if length > 0.0 {
+                sum += length.atan2(a.dot(b)) * n_x.dot(cross) / length;
+            }
+        }
+        (sum.abs() / (2.0 * PI)).min(1.0)
+    }
+
+    /// A point inside the clipped polygon, relative to the receiver: the mean of its corners.
+    pub fn centre(&self) -> DVec3 {
+        self.corners().iter().sum::<DVec3>() / self.count.max(1) as f64
+    }
+}
+
+/// Form factor from a point to the front of a triangle: the share of a cosine-weighted hemisphere that the triangle
+/// covers. Zero when the point is behind or in the plane of the triangle.
+pub fn point_to_triangle(x: [f64; 3], n_x: [f64; 3], triangle: &[[f64; 3]; 3]) -> f64 {
+    let (x, n_x) = (DVec3::from(x), DVec3::from(n_x));
+    let triangle = triangle.map(DVec3::from);
+    if !faces(x, &triangle) {
+        return 0.0;
+    }
+    Clipped::new(x, n_x, &triangle).form_factor(n_x)
+}
+
+/// Whether `x` is strictly in front of the triangle, whose front is the side from which it is counter-clockwise.
+pub fn faces(x: DVec3, triangle: &[DVec3; 3]) -> bool {
+    let [a, b, c] = *triangle;
+    let normal = (b - a).cross(c - a);
+    let relative = x - a;
+    // A point in the plane up to rounding sees nothing of the triangle.
+    normal.dot(relative) > 1e-12 * normal.length() * relative.length()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(corners: [[f64; 3]; 4], x: [f64; 3], n_x: [f64; 3]) -> f64 {
+        let [a, b, c, d] = corners;
+        point_to_triangle(x, n_x, &[a, b, c]) + point_to_triangle(x, n_x, &[a, c, d])
+    }
+
+    /// Howell, A Catalog of Radiation Heat Transfer Configuration Factors, B-3: a point opposite a corner of a
+    /// parallel rectangle.
+    #[test]
+    fn parallel_rectangle_seen_from_below_its_corner() {
+        let f = square([[0., 0., 1.], [0., 1., 1.], [1., 1., 1.], [1., 0., 1.]], [0.; 3], [0., 0., 1.]);
+        let s = 2f64.sqrt();
+        let exact = (1.0 / (2.0 * PI)) * 2.0 * (1.0 / s) * (1.0 / s).atan();
+        assert!((f - exact).abs() < 1e-14, "{f} {exact}");
+    }
+
+    /// Half of an infinite wall that starts at the receiver's plane covers half of the hemisphere.
+    #[test]
+    fn huge_wall_is_clipped_at_the_horizon() {
+        let h = 1e6;
+        let wall = [[1e-3, -h, -h], [1e-3, h, -h], [1e-3, h, h], [1e-3, -h, h]].map(|v: [f64; 3]| v);
+        let flipped = [wall[0], wall[3], wall[2], wall[1]];
+        let f = square(flipped, [0.; 3], [0., 0., 1.]);
+        assert!((f - 0.5).abs() < 1e-6, "{f}");
+        assert_eq!(square(wall, [0.; 3], [0., 0., 1.]), 0.0);
+    }
+
+    #[test]
+    fn nothing_is_seen_of_a_triangle_in_the_receivers_plane_or_through_it() {
+        let flat = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]];
+        assert_eq!(point_to_triangle([0.2, 0.2, 0.0], [0., 0., 1.], &flat), 0.0);
+        assert_eq!(point_to_triangle([0.0, 0.0, 0.0], [0., 0., -1.], &flat), 0.0);
+    }
+}

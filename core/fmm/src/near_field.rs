@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Near patches, where quadrature points are too coarse: the exact form factor takes the place of the point kernel.
+
+use crate::error::{Error, same_length};
+use crate::form_factor::{Clipped, faces};
+use crate::kernel;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Patches near each receiver, as compressed rows: the entries of receiver i are `starts[i]..starts[i + 1]`.
+#[derive(Debug, Clone, Default)]
+pub struct NearField {
+    /// (M + 1) first entry of each receiver.
+    pub starts: Vec<usize>,
+    /// (K) patch of each entry.
+    pub patches: Vec<u32>,
+    /// (K) exact form factor from the receiver to the patch, without occlusion.
+    pub form_factors: Vec<f64>,
+    /// (K, 3) a point of the patch in front of the receiver's horizon, where a ray tells whether it is seen.
+    pub targets: Vec<[f64; 3]>,
+}
+
+/// The triangles that carry the sources, `points_per_patch` consecutive ones each.
+pub struct Patches<'a> {
+    /// (P, 3, 3) corners, counter-clockwise from the front.
+    pub triangles: &'a [[[f64; 3]; 3]],
+    /// (P) how far from its centroid a patch is near.
+    pub reach: &'a [f64],
+}
+
+impl NearField {
+    /// Finds the patches within reach of each receiver (M, 3), with their exact form factors.
+    pub fn new(points: &[[f64; 3]], normals: &[[f64; 3]], patches: &Patches) -> Result<Self, Error> {
+        same_length("receiver normals", points.len(), normals.len())?;
+        same_length("patch reach", patches.triangles.len(), patches.reach.len())?;
+        let triangles: Vec<[DVec3; 3]> = patches.triangles.iter().map(|t| t.map(DVec3::from)).collect();
+        let centroids: Vec<DVec3> = triangles.iter().map(|[a, b, c]| (a + b + c) / 3.0).collect();
+        let rows: Vec<Vec<(u32, f64, [f64; 3])>> = points
+            .par_iter()
+            .zip(normals)
+            .map(|(&x, &n_x)| {
+                let (x, n_x) = (DVec3::from(x), DVec3::from(n_x));
+                let near = |q: &usize| centroids[*q].distance_squared(x) < patches.reach[*q] * patches.reach[*q];
+                (0..triangles.len()).filter(near).filter_map(|q| entry(x, n_x, q, &triangles[q])).collect()
+            })
+            .collect();
+        Ok(Self::from_rows(&rows))
+    }
+
+    fn from_rows(rows: &[Vec<(u32, f64, [f64; 3])>]) -> Self {
+        let mut near = NearField { starts: vec![0], ..Default::default() };
+        for row in rows {
+            for &(patch, form_factor, target) in row {
+                near.patches.push(patch);
+                near.form_factors.push(form_factor);
+                near.targets.push(target);
+            }
+            near.starts.push(near.patches.len());
+        }
+        near
+    }
+}
+
+fn entry(x: DVec3, n_x: DVec3, q: usize, triangle: &[DVec3; 3]) -> Option<(u32, f64, [f64; 3])> {
+    if !faces(x, triangle) {
+        return None;
+    }
+    let clipped = Clipped::new(x, n_x, triangle);
+    let form_factor = clipped.form_factor(n_x);
+    (form_factor > 0.0).then(|| (q as u32, form_factor, (x + clipped.centre()).into()))
+}
+
+/// What has to be added to the direct sum so that near patches count with their exact form factors: a sparse matrix
+/// over the same strengths q = weight * radiosity.
+#[derive(Debug, Clone)]
+pub struct Correction {
+    starts: Vec<usize>,
+    sources: Vec<u32>,
+    values: Vec<f64>,
+    count: usize,
+}
+
+/// The point sources as the correction sees them.
+pub struct PointSources<'a> {
+    pub positions: &'a [[f64; 3]],
+    pub normals: &'a [[f64; 3]],
+    pub softening: &'a [f64],
+    /// Consecutive sources on one patch.
+    pub points_per_patch: usize,
+    /// (P) area of each patch.
+    pub areas: &'a [f64],
+}
+
+impl Correction {
+    /// Exact minus point kernel for each near entry; `fractions` (K) is how much of each entry's patch is seen, and
+    /// `visible` the same bits as the direct sum was given.
+    pub fn new(
+        near: &NearField,
+        points: &[[f64; 3]],
+        normals: &[[f64; 3]],
+        sources: &PointSources,
+        fractions: &[f64],
+        visible: Option<&[u64]>,
+    ) -> Result<Self, Error> {
+        same_length("near fractions", near.patches.len(), fractions.len())?;
+        same_length("near rows", near.starts.len(), points.len() + 1)?;
+        let (count, per_patch) = (sources.positions.len(), sources.points_per_patch);
+        same_length("patch areas", count, sources.areas.len() * per_patch)?;
+        if let Some(bits) = visible {
+            same_length("visibility words", points.len() * count.div_ceil(64), bits.len())?;
+        }
+        if let Some(&patch) = near.patches.iter().find(|&&q| q as usize >= sources.areas.len()) {
+            return Err(Error::Index { what: "near patch", index: patch as usize, count: sources.areas.len() });
+        }
+        let seen =
+            |i: usize, j: usize| visible.is_none_or(|bits| bits[i * count.div_ceil(64) + j / 64] >> (j % 64) & 1 == 1);
+        let rows: Vec<Vec<f64>> = (0..points.len())
+            .into_par_iter()
+            .map(|i| {
+                let mut row = Vec::new();
+                for e in near.starts[i]..near.starts[i + 1] {
+                    let q = near.patches[e] as usize;
+                    let exact = fractions[e] * near.form_factors[e] / sources.areas[q];
+                    for j in q * per_patch..(q + 1) * per_patch {
+                        let (y, n_y) = (sources.positions[j], sources.normals[j]);
+                        let point =
+                            if seen(i, j) { kernel(points[i], normals[i], y, n_y, sources.softening[j]) } else { 0.0 };
+                        row.push(exact - point);
+                    }
+                }
+                row
+            })
+            .collect();
+        let of_patch = |&q: &u32| (0..per_patch as u32).map(move |k| q * per_patch as u32 + k);
+        Ok(Correction {
+            starts: near.starts.iter().map(|s| s * per_patch).collect(),
+            sources: near.patches.iter().flat_map(of_patch).collect(),
+            values: rows.concat(),
+            count,
+        })
+    }
+
+    /// Adds the correction's irradiance for strengths (N, 3) to `irradiance` (M, 3).
+    pub fn add(&self, strengths: &[[f64; 3]], irradiance: &mut [[f64; 3]]) -> Result<(), Error> {
+        same_length("strengths", self.count, strengths.len())?;
+        same_length("irradiance", self.starts.len(), irradiance.len() + 1)?;
+        irradiance.par_iter_mut().enumerate().for_each(|(i, out)| {
+            for e in self.starts[i]..self.starts[i + 1] {
+                let q = strengths[self.sources[e] as usize];
+                for colour in 0..3 {
+                    out[colour] += self.values[e] * q[colour];
+                }
+            }
+        });
+        Ok(())
+    }
+
+    /// Entries of the sparse matrix.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+}

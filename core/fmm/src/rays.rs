@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Which pairs need a ray, the rays themselves, and the bits that their answers become.
+
+use crate::error::{Error, same_length};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Both cosines' product below this counts as not facing: the pair exchanges nothing that could be seen.
+const GRAZING: f64 = 1e-12;
+
+/// Maps scene coordinates into the box [-1, 1]^3 that rays are traced in, and lifts their ends off the surfaces.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    pub centre: [f64; 3],
+    /// Scene length of one unit of the box.
+    pub scale: f64,
+    /// Distance along the normal, in units of the box, between a surface and the end of a ray.
+    pub offset: f64,
+}
+
+impl Frame {
+    fn map(&self, x: [f64; 3], n: [f64; 3]) -> DVec3 {
+        (DVec3::from(x) - DVec3::from(self.centre)) / self.scale + DVec3::from(n) * self.offset
+    }
+
+    /// Origin and unnormalised direction of the ray from one lifted end to the other.
+    pub fn ray(&self, x: [f64; 3], n_x: [f64; 3], y: [f64; 3], n_y: [f64; 3]) -> ([f32; 3], [f32; 3]) {
+        let origin = self.map(x, n_x).as_vec3();
+        // Subtracting the rounded origin makes the ray end where it should.
+        (origin.into(), (self.map(y, n_y) - origin.as_dvec3()).as_vec3().into())
+    }
+}
+
+/// The facing pairs of a block of receivers with all sources, and a ray for each.
+#[derive(Debug, Default)]
+pub struct FacingRays {
+    /// (R) receiver row within the block times the number of sources, plus the source.
+    pub pairs: Vec<u64>,
+    pub origins: Vec<[f32; 3]>,
+    pub directions: Vec<[f32; 3]>,
+}
+
+/// Points and unit normals, (N, 3) each.
+#[derive(Clone, Copy)]
+pub struct Oriented<'a> {
+    pub points: &'a [[f64; 3]],
+    pub normals: &'a [[f64; 3]],
+}
+
+impl FacingRays {
+    /// Rays from each receiver to each source that faces it; `after`, when given, is the source that stands for the
+    /// first receiver, and only sources that come after a receiver's own are taken (the matrix is symmetric).
+    pub fn new(receivers: Oriented, sources: Oriented, after: Option<usize>, frame: &Frame) -> Result<Self, Error> {
+        same_length("receiver normals", receivers.points.len(), receivers.normals.len())?;
+        same_length("source normals", sources.points.len(), sources.normals.len())?;
+        let count = sources.points.len();
+        let mut rays = FacingRays::default();
+        for (i, (&x, &n_x)) in receivers.points.iter().zip(receivers.normals).enumerate() {
+            for j in after.map_or(0, |first| first + i + 1)..count {
+                if facing(x, n_x, sources.points[j], sources.normals[j]) {
+                    let (origin, direction) = frame.ray(x, n_x, sources.points[j], sources.normals[j]);
+                    rays.pairs.push((i * count + j) as u64);
+                    rays.origins.push(origin);
+                    rays.directions.push(direction);
+                }
+            }
+        }
+        Ok(rays)
+    }
+}
+
+fn facing(x: [f64; 3], n_x: [f64; 3], y: [f64; 3], n_y: [f64; 3]) -> bool {
+    let d = DVec3::from(x) - DVec3::from(y);
+    let (cos_y, cos_x) = (DVec3::from(n_y).dot(d), -DVec3::from(n_x).dot(d));
+    cos_y > 0.0 && cos_x > 0.0 && cos_y * cos_x > GRAZING * d.length_squared()
+}
+
+/// Sets the bit of every pair that is not occluded; `bits` has `words` words a receiver.
+pub fn mark_visible(bits: &mut [u64], count: usize, pairs: &[u64], occluded: &[bool]) -> Result<(), Error> {
+    same_length("answers", pairs.len(), occluded.len())?;
+    let words = count.div_ceil(64);
+    for (&pair, _) in pairs.iter().zip(occluded).filter(|(_, occluded)| !**occluded) {
+        let (i, j) = (pair as usize / count, pair as usize % count);
+        let word = i * words + j / 64;
+        if word >= bits.len() {
+            return Err(Error::Index { what: "visibility word", index: word, count: bits.len() });
+        }
+        bits[word] |= 1 << (j % 64);
+    }
+    Ok(())
+}
+
+/// Copies the upper triangle of a square bit matrix (`count` rows) to the lower one.
+pub fn symmetrise(bits: &mut [u64], count: usize) -> Result<(), Error> {
+    let words = count.div_ceil(64);
+    same_length("visibility words", count * words, bits.len())?;
+    let upper = bits.to_vec();
+    bits.par_chunks_mut(words.max(1)).enumerate().for_each(|(i, row)| {
+        for j in 0..i {
+            row[j / 64] |= (upper[j * words + i / 64] >> (i % 64) & 1) << (j % 64);
+        }
+    });
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn symmetrise_mirrors_every_bit() {
+        let count = 130;
+        let words = 3;
+        let on = |i: usize, j: usize| i < j && (i * 7 + j * 13).is_multiple_of(3);
+        let mut bits = vec![0u64; count * words];
+        for i in 0..count {
+            for j in (0..count).filter(|&j| on(i, j)) {
+                bits[i * words + j / 64] |= 1 << (j % 64);
+            }
+        }
+        symmetrise(&mut bits, count).unwrap();
+        for i in 0..count {
+            for j in 0..count {
+                let bit = bits[i * words + j / 64] >> (j % 64) & 1 == 1;
+                assert_eq!(bit, on(i, j) || on(j, i), "{i} {j}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_ray_ends_just_above_its_target() {
+        let frame = Frame { centre: [1e6, 0.0, 0.0], scale: 2.0, offset: 1e-3 };
+        let (o, d) = frame.ray([1e6, 0.0, 0.0], [0., 0., 1.], [1e6 + 2.0, 0.0, 2.0], [0., 0., -1.]);
+        assert_eq!(o, [0.0, 0.0, 1e-3]);
+        assert!((o[0] + d[0] - 1.0).abs() < 1e-6 && (o[2] + d[2] - 0.999).abs() < 1e-6);
+    }
+
+    #[test]
+    fn wrong_pair_is_refused() {
+        assert!(mark_visible(&mut [0], 10, &[1000], &[false]).is_err());
+    }
+}

@@ -1,0 +1,11 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Diffuse global illumination (radiosity) by a fast multipole method, without any Blender in it."""
+
+from .errors import Cancelled, Error
+from .evaluation import OutputPoints, output_points
+from .scene import Scene
+from .settings import Settings
+from .solution import Solution
+from .solver import solve
+
+__all__ = ["Cancelled", "Error", "OutputPoints", "Scene", "Settings", "Solution", "output_points", "solve"]

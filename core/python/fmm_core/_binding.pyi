@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The compiled core. Arrays are C-contiguous; float64 unless said otherwise; wrong shapes raise ValueError."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+class Sources:
+    def __init__(
+        self,
+        positions: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        softening: NDArray[np.float64],
+        areas: NDArray[np.float64],
+        points_per_patch: int,
+    ) -> None: ...
+    def __len__(self) -> int: ...
+    @property
+    def words(self) -> int: ...
+    def irradiance(
+        self,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        strengths: NDArray[np.float64],
+        visible: NDArray[np.uint64] | None = None,
+    ) -> NDArray[np.float64]: ...
+
+class NearField:
+    def __init__(
+        self,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        patches: NDArray[np.float64],
+        reach: NDArray[np.float64],
+    ) -> None: ...
+    def __len__(self) -> int: ...
+    def starts(self) -> NDArray[np.uint64]: ...
+    def patches(self) -> NDArray[np.uint32]: ...
+    def form_factors(self) -> NDArray[np.float64]: ...
+    def targets(self) -> NDArray[np.float64]: ...
+
+class Correction:
+    def __init__(
+        self,
+        near: NearField,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        sources: Sources,
+        fractions: NDArray[np.float64],
+        visible: NDArray[np.uint64] | None = None,
+    ) -> None: ...
+    def __len__(self) -> int: ...
+    def add(self, strengths: NDArray[np.float64], irradiance: NDArray[np.float64]) -> None: ...
+
+def facing_rays(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    sources: Sources,
+    after: int | None,
+    centre: tuple[float, float, float],
+    scale: float,
+    offset: float,
+) -> tuple[NDArray[np.uint64], NDArray[np.float32], NDArray[np.float32]]: ...
+def mark_visible(
+    bits: NDArray[np.uint64], count: int, pairs: NDArray[np.uint64], occluded: NDArray[np.bool_]
+) -> None: ...
+def symmetrise(bits: NDArray[np.uint64], count: int) -> None: ...
+def form_factors(
+    points: NDArray[np.float64], normals: NDArray[np.float64], patches: NDArray[np.float64]
+) -> NDArray[np.float64]: ...

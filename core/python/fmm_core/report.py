@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a bake did, what it cost and how exact it is."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from typing import Any
+
+from .scene import Scene
+from .settings import Settings
+
+VERSION = 1
+PHASES = ("export", "tree", "lists", "visibility", "transport", "evaluate", "accuracy", "write")
+COUNTS = (
+    "triangles",
+    "particles",
+    "output_points",
+    "boxes",
+    "leaves",
+    "pairs_valid",
+    "pairs_partial",
+    "pairs_invalid",
+    "rays",
+)
+
+
+class Report:
+    """Collects counts, seconds, residuals and warnings while a scene is solved and baked."""
+
+    def __init__(self, settings: Settings, scene: Scene) -> None:
+        self._settings = settings
+        self.counts = dict.fromkeys(COUNTS, 0)
+        self.seconds = dict.fromkeys(PHASES, 0.0)
+        self.residuals: list[float] = []
+        self.warnings = list(scene.warnings)
+
+    @contextmanager
+    def time(self, phase: str) -> Iterator[None]:
+        """Adds the seconds spent inside to `phase`, one of `PHASES`."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[phase] += time.perf_counter() - start
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, ready for json."""
+        return {
+            "version": VERSION,
+            "settings": asdict(self._settings),
+            "effects": {},
+            "counts": dict(self.counts),
+            "postponement": None,
+            "seconds": {**self.seconds, "total": sum(self.seconds.values())},
+            "peak_memory_mib": peak_memory_mib(),
+            "residuals": list(self.residuals),
+            "error": {"measured_rms": None, "measured_max": None, "probes": 0, "bound": None},
+            "warnings": list(self.warnings),
+        }
+
+
+def peak_memory_mib() -> float | None:
+    """Largest resident size of this process so far, MiB; None on Windows, which has no such figure in Python."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    import sys
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1 << 20) if sys.platform == "darwin" else peak / (1 << 10)

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scene: triangles with albedo and emission, checked once."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import Error
+
+#: Artists set albedo to 1 all the time; light would then never die out.
+MAX_ALBEDO = 0.999
+
+
+class Scene:
+    """Triangles in world space with their materials, validated; arrays are read-only float64.
+
+    triangles   (T, 3, 3) corners, counter-clockwise seen from the front
+    albedo      (T, 3) or (T,) or a constant, share of light reflected, in [0, 1); larger is clamped with a warning
+    emission    (T, 3) or (T,) or a constant, radiant exitance, W/m^2
+    two_sided   (T,) or a constant bool: the back reflects and emits like the front
+    warnings    what was changed or left out, one line each
+
+    Triangles without area are left out with a warning; `triangle_indices` (T',) says which ones remain.
+    Raises `Error` naming the array, the row and the value.
+    """
+
+    def __init__(
+        self,
+        triangles: ArrayLike,
+        albedo: ArrayLike = 0.8,
+        emission: ArrayLike = 0.0,
+        two_sided: ArrayLike = False,
+    ) -> None:
+        corners = _numbers("triangles", triangles)
+        if corners.ndim != 3 or corners.shape[1:] != (3, 3):
+            raise Error(f"triangles: expected shape (T, 3, 3), got {corners.shape}")
+        if len(corners) == 0:
+            raise Error("triangles: the scene is empty")
+        _check_finite("triangles", corners)
+        reflected = _colours("albedo", albedo, len(corners))
+        emitted = _colours("emission", emission, len(corners))
+        sides = _flags("two_sided", two_sided, len(corners))
+
+        self.warnings: list[str] = []
+        kept = self._with_area(corners)
+        self.triangle_indices = _frozen(np.flatnonzero(kept))
+        self.triangles = _frozen(corners[kept])
+        self.albedo = _frozen(self._clamped(reflected[kept]))
+        self.emission = _frozen(emitted[kept])
+        self.two_sided = _frozen(sides[kept])
+        self.centre, self.size = _bounds(self.triangles)
+        if not self.emission.any():
+            raise Error("emission: the scene has no emitter, every triangle's emission is 0")
+
+    def _with_area(self, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+        edges = corners - np.roll(corners, 1, axis=1)
+        longest = np.sqrt((edges**2).sum(axis=2)).max(axis=1)
+        double_area = np.linalg.norm(np.cross(edges[:, 1], edges[:, 2]), axis=1)
+        # A height of 1e-12 of the longest edge or of the distance from the origin is rounding, not geometry.
+        height_floor = 1e-12 * np.maximum(longest, np.abs(corners).max(axis=(1, 2)))
+        kept = double_area > longest * height_floor
+        if not kept.any():
+            raise Error(f"triangles: all {len(corners)} have no area")
+        if not kept.all():
+            count = len(kept) - np.count_nonzero(kept)
+            self.warnings.append(f"{count} of {len(kept)} triangles have no area and are left out")
+        return kept
+
+    def _clamped(self, albedo: NDArray[np.float64]) -> NDArray[np.float64]:
+        if albedo.max() > MAX_ALBEDO:
+            self.warnings.append(f"albedo {albedo.max():g} is clamped to {MAX_ALBEDO}")
+        return np.minimum(albedo, MAX_ALBEDO)
+
+
+def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    try:
+        return np.array(values, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise Error(f"{name}: expected numbers, {error}") from None
+
+
+def _colours(name: str, values: ArrayLike, count: int) -> NDArray[np.float64]:
+    colours = _numbers(name, values)
+    if colours.shape in ((), (count,)):
+        colours = colours[..., None]
+    elif colours.shape != (count, 3):
+        raise Error(f"{name}: expected shape ({count}, 3), ({count},) or a constant, got {colours.shape}")
+    colours = np.ascontiguousarray(np.broadcast_to(colours, (count, 3)))
+    _check_finite(name, colours)
+    if colours.min() < 0:
+        row = int(np.flatnonzero((colours < 0).any(axis=1))[0])
+        raise Error(f"{name}: triangle {row} has a negative value, {colours[row].min():g}")
+    return colours
+
+
+def _flags(name: str, values: ArrayLike, count: int) -> NDArray[np.bool_]:
+    flags = np.asarray(values, dtype=bool)
+    if flags.shape not in ((), (count,)):
+        raise Error(f"{name}: expected shape ({count},) or a constant, got {flags.shape}")
+    return np.array(np.broadcast_to(flags, (count,)))
+
+
+def _check_finite(name: str, values: NDArray[np.float64]) -> None:
+    wrong = ~np.isfinite(values)
+    if wrong.any():
+        where = tuple(int(i) for i in np.argwhere(wrong)[0])
+        raise Error(f"{name}: triangle {where[0]} has the value {values[where]}")
+
+
+def _bounds(triangles: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
+    return (low + high) / 2, float((high - low).max())
+
+
+def _frozen(array: NDArray) -> NDArray:
+    array.flags.writeable = False
+    return array

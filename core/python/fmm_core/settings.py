@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the user may choose about a solve."""
+
+import math
+from dataclasses import dataclass
+from numbers import Integral, Real
+
+from .errors import Error
+
+METHODS = ("direct",)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of a solve; a wrong value raises `Error` naming the option and the value.
+
+    truncation      order p at which expansions are cut, 0 to 20 (section 2.2 of the paper)
+    grouping        at most s particles in a leaf of the octree, 1 or more (section 4, step 1)
+    target_error    wanted relative error of the irradiance, between 0 and 1, or None
+    method          "direct": every particle with every other one, the reference
+    particles       about how many quadrature points the scene is cut into, or None to choose from the scene;
+                    never fewer than one a triangle
+    quadrature      degree of the Gaussian rule on each patch: 1, 2, 4 or 5 (1, 3, 6 or 7 points)
+    near_reach      patches closer than this many of their own radii count with their exact form factor
+    tolerance       iteration ends when the unshot part of the light is below this share
+    max_iterations  and at the latest after this many applications of the operator
+    """
+
+    truncation: int = 4
+    grouping: int = 64
+    target_error: float | None = None
+    method: str = "direct"
+    particles: int | None = None
+    quadrature: int = 1
+    near_reach: float = 8.0
+    tolerance: float = 1e-4
+    max_iterations: int = 1000
+
+    def __post_init__(self) -> None:
+        self._check_integer("truncation", 0, 20)
+        self._check_integer("grouping", 1, 1 << 20)
+        self._check_integer("max_iterations", 1, 1 << 20)
+        self._check_real("near_reach", 1.0, 1e3)
+        self._check_real("tolerance", 1e-12, 0.5)
+        if self.target_error is not None:
+            self._check_real("target_error", 1e-6, 1.0)
+        if self.particles is not None:
+            self._check_integer("particles", 1, 1 << 31)
+        if self.method not in METHODS:
+            raise Error(f"method: expected one of {', '.join(METHODS)}, got {self.method!r}")
+        if self.quadrature not in (1, 2, 4, 5):
+            raise Error(f"quadrature: expected 1, 2, 4 or 5, got {self.quadrature!r}")
+
+    def _check_integer(self, name: str, low: int, high: int) -> None:
+        value = getattr(self, name)
+        if not isinstance(value, Integral) or isinstance(value, bool) or not low <= value <= high:
+            raise Error(f"{name}: expected a whole number from {low} to {high}, got {value!r}")
+
+    def _check_real(self, name: str, low: float, high: float) -> None:
+        value = getattr(self, name)
+        if not isinstance(value, Real) or not math.isfinite(value) or not low <= value <= high:
+            raise Error(f"{name}: expected a number from {low:g} to {high:g}, got {value!r}")

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Occlusion by embreex: the only module that traces rays."""
+
+import os
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _binding
+from .errors import Cancelled
+from .scene import Scene
+
+# Blender on Linux carries an Embree of its own, to which embreex must not bind.
+_flags = sys.getdlopenflags() if hasattr(os, "RTLD_DEEPBIND") else None
+if _flags is not None:
+    sys.setdlopenflags(_flags | os.RTLD_DEEPBIND)
+try:
+    import embreex.mesh_construction
+    import embreex.rtcore_scene
+finally:
+    if _flags is not None:
+        sys.setdlopenflags(_flags)
+
+#: Distance between a surface and the end of a ray, in half scene sizes: some ten times embree's rounding error.
+OFFSET = 2e-6
+#: Receivers and sources are taken in blocks of about this many pairs.
+BLOCK_PAIRS = 4_000_000
+
+
+class Occlusion:
+    """Shadow rays against the triangles of a scene, in single precision inside a unit box.
+
+    rays    how many have been traced so far
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._centre = scene.centre
+        self._scale = scene.size / 2
+        self.rays = 0
+        corners = ((scene.triangles - self._centre) / self._scale).astype(np.float32)
+        self._scene = embreex.rtcore_scene.EmbreeScene()
+        self._mesh = embreex.mesh_construction.TriangleMesh(self._scene, corners)
+        # The first call commits the scene, which must not happen in several threads at once.
+        self._occluded(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+
+    def _occluded(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> NDArray[np.bool_]:
+        if len(origins) == 0:
+            return np.zeros(0, dtype=bool)
+        reach = np.ones(len(origins), dtype=np.float32)
+        return self._scene.run(origins, directions, dists=reach, query="OCCLUDED") == 0
+
+    def visible_pairs(
+        self,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        sources: _binding.Sources,
+        symmetric: bool = False,
+        tick: Callable[[float], bool] | None = None,
+    ) -> NDArray[np.uint64]:
+        """Bits (M * words,) that say which sources each receiver sees, one ray a facing pair.
+
+        symmetric: the receivers are the sources themselves, so that each pair needs one ray only.
+        tick: called with the fraction done; returning False raises `Cancelled`.
+        """
+        words = sources.words
+        bits = np.zeros(len(points) * words, dtype=np.uint64)
+
+        def block(rows: slice) -> int:
+            after = rows.start if symmetric else None
+            frame = (tuple(self._centre), self._scale, OFFSET)
+            pairs, origins, directions = _binding.facing_rays(points[rows], normals[rows], sources, after, *frame)
+            occluded = self._occluded(origins, directions)
+            _binding.mark_visible(bits[rows.start * words : rows.stop * words], len(sources), pairs, occluded)
+            return len(pairs)
+
+        self.rays += _run_blocks(block, len(points), max(1, BLOCK_PAIRS // max(1, len(sources))), tick)
+        if symmetric:
+            _binding.symmetrise(bits, len(sources))
+        return bits
+
+    def visible_targets(
+        self,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        targets: NDArray[np.float64],
+        target_normals: NDArray[np.float64],
+    ) -> NDArray[np.bool_]:
+        """(K,) whether each point sees its target; all four (K, 3), both ends lifted off along their normals."""
+        origins = self._lifted(points, normals).astype(np.float32)
+        directions = (self._lifted(targets, target_normals) - origins).astype(np.float32)
+        seen = np.empty(len(points), dtype=bool)
+
+        def block(rows: slice) -> int:
+            seen[rows] = ~self._occluded(origins[rows], directions[rows])
+            return rows.stop - rows.start
+
+        self.rays += _run_blocks(block, len(points), 1 << 18, None)
+        return seen
+
+    def _lifted(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
+        return (points - self._centre) / self._scale + OFFSET * normals
+
+
+def _run_blocks(
+    work: Callable[[slice], int], count: int, size: int, tick: Callable[[float], bool] | None
+) -> int:
+    """Runs `work` on slices of `size` rows in as many threads as there are cores; sums what it returns."""
+    slices = [slice(start, min(start + size, count)) for start in range(0, count, size)]
+    total = 0
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        futures = [pool.submit(work, rows) for rows in slices]
+        try:
+            for done, future in enumerate(futures, 1):
+                total += future.result()
+                if tick is not None and tick(done / len(slices)) is False:
+                    raise Cancelled
+        finally:
+            for future in futures:
+                future.cancel()
+    return total
