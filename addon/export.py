@@ -1,0 +1,352 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The only reader of Blender's scene: evaluated objects in, plain numpy arrays out.
+
+What counts is what the viewport shows, with modifiers and instances, less everything that is switched off for renders.
+Objects that the viewport hides are not evaluated by Blender: they are left out with a warning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from fmm_core import Error
+
+from . import materials
+
+if TYPE_CHECKING:
+    import bpy
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """One mesh datablock that gets colours.
+
+    mesh, object: names of the datablock and of the object it is baked for; rows: its corners among all corners of the
+    scene; corner_vertex (C,) int: vertex of each corner, counted in the mesh; vertices: how many the mesh has;
+    smooth: whether all of its faces are shaded smooth.
+    """
+
+    mesh: str
+    object: str
+    rows: slice
+    corner_vertex: np.ndarray
+    vertices: int
+    smooth: bool
+
+
+@dataclass(frozen=True)
+class SceneArrays:
+    """A scene in world space, without anything of Blender in it; safe to hand to another thread.
+
+    triangles (T,3,3) m, counter-clockwise from the front; albedo (T,3); emission (T,3) W/m^2; two_sided (T,) bool.
+    corner_* describe the C corners of all receivers, in mesh order: position (C,3) m, normal (C,3) unit, vertex (C,)
+    int unique over the scene, face_centre (C,3) m, albedo (C,3), emission (C,3) W/m^2.
+    """
+
+    triangles: np.ndarray
+    albedo: np.ndarray
+    emission: np.ndarray
+    two_sided: np.ndarray
+    corner_position: np.ndarray
+    corner_normal: np.ndarray
+    corner_vertex: np.ndarray
+    corner_face_centre: np.ndarray
+    corner_albedo: np.ndarray
+    corner_emission: np.ndarray
+    receivers: tuple[Receiver, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Mesh:
+    """One evaluated mesh in its own space: V vertices, C corners, F faces, T triangles."""
+
+    vertex: np.ndarray  # (V,3)
+    corner_vertex: np.ndarray  # (C,)
+    corner_normal: np.ndarray  # (C,3)
+    face_start: np.ndarray  # (F,) first corner
+    face_corners: np.ndarray  # (F,) number of corners
+    face_centre: np.ndarray  # (F,3)
+    face_material: np.ndarray  # (F,) material slot
+    smooth: bool
+    triangle_corners: np.ndarray  # (T,3)
+    triangle_face: np.ndarray  # (T,)
+
+    @property
+    def corner_face(self) -> np.ndarray:
+        """(C,) face of each corner."""
+        return np.repeat(np.arange(len(self.face_corners)), self.face_corners)
+
+
+def read_scene(depsgraph: bpy.types.Depsgraph) -> SceneArrays:
+    """Read every mesh that a render would show.
+
+    Raises fmm_core.Error naming object and value where a vertex is not finite, where there is no mesh, no face, no
+    emitter, or no mesh that can take colours.
+    """
+    reader = _Reader(depsgraph)
+    # Real objects first: a mesh that is also instanced is then baked where its own object stands.
+    for of_instances in (False, True):
+        for instance in reader.shown(of_instances):
+            reader.take(instance)
+    return reader.finish()
+
+
+@dataclass
+class _Reader:
+    """Collects the arrays of a scene, object after object."""
+
+    depsgraph: bpy.types.Depsgraph
+    parts: dict[str, list[np.ndarray]] = field(default_factory=dict)
+    receivers: list[Receiver] = field(default_factory=list)
+    users: dict[str, list[str]] = field(default_factory=dict)
+    remarks: dict[str, list[str]] = field(default_factory=dict)
+    surfaces: dict[object, materials.Surface] = field(default_factory=dict)
+    meshes: int = 0
+    corners: int = 0
+    vertices: int = 0
+
+    def __post_init__(self) -> None:
+        self.renderable = set(_renderable(self.depsgraph.view_layer_eval.layer_collection))
+
+    def shown(self, of_instances: bool) -> Iterator[bpy.types.DepsgraphObjectInstance]:
+        """The instances that a render would show: the real objects, or the copies."""
+        for instance in self.depsgraph.object_instances:
+            if instance.is_instance != of_instances or not instance.show_self:
+                continue
+            holder = instance.parent if instance.is_instance else instance.object
+            hidden = instance.object.hide_render or holder.hide_render or holder.original.name not in self.renderable
+            replaced = holder.original.is_instancer and not holder.show_instancer_for_render and not of_instances
+            if not hidden and not replaced:
+                yield instance
+
+    def take(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
+        """Add one object or copy to the scene."""
+        obj = instance.object
+        if obj.type == "LIGHT" and obj.data.energy > 0:
+            self.remark(f"light '{obj.name}' ({obj.data.type}) is not simulated yet: left out")
+        if obj.type != "MESH":
+            return
+        self.meshes += 1
+        if not len(obj.data.polygons):
+            if not (instance.is_instance or obj.modifiers):
+                self.remark(f"object '{obj.name}' has no faces: left out")
+            return
+        mesh = _read_mesh(obj.data)
+        world = _World(obj.name, mesh, np.array(instance.matrix_world, np.float64))
+        albedo, emission = self.colours(obj, mesh)
+        self.add_triangles(obj, mesh, world, albedo, emission)
+        if self.is_receiver(instance, mesh):
+            self.add_corners(obj, mesh, world, albedo, emission)
+
+    def colours(self, obj: bpy.types.Object, mesh: _Mesh) -> tuple[np.ndarray, np.ndarray]:
+        """Albedo (F,3) and emission (F,3) in W/m^2 of every face."""
+        surfaces = []
+        for material in _materials(obj):
+            if material not in self.surfaces:
+                self.surfaces[material] = materials.read_material(material)
+            surfaces.append(self.surfaces[material])
+            for text in surfaces[-1].remarks:
+                self.remark(f"material '{material.name}' on object {{}}: {text}", obj.name)
+        slot = np.minimum(mesh.face_material, len(surfaces) - 1)
+        albedo = np.array([surface.albedo for surface in surfaces], np.float64)
+        emission = np.array([surface.emission for surface in surfaces], np.float64)
+        return albedo[slot], emission[slot]
+
+    def add_triangles(
+        self, obj: bpy.types.Object, mesh: _Mesh, world: _World, albedo: np.ndarray, emission: np.ndarray
+    ) -> None:
+        """Everything that blocks, reflects or gives off light; triangles without area do none of it."""
+        triangles = world.position[mesh.corner_vertex[mesh.triangle_corners]]
+        if world.mirrored:
+            triangles = triangles[:, ::-1]
+        kept = _with_area(triangles)
+        flat = len(mesh.face_corners) - len(np.unique(mesh.triangle_face[kept]))
+        if flat:
+            faces = "1 face" if flat == 1 else f"{flat} faces"
+            self.remark(f"object '{obj.name}': {faces} without area left out")
+        face = mesh.triangle_face[kept]
+        self.append(
+            triangles=triangles[kept],
+            albedo=albedo[face],
+            emission=emission[face],
+            two_sided=np.full(len(face), not _is_closed(mesh)),
+        )
+
+    def is_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: _Mesh) -> bool:
+        """Whether the mesh of this object can take colours and has not been taken yet; says why not."""
+        obj, original = instance.object, instance.object.original
+        made_by_itself = instance.is_instance and instance.parent.original == original
+        if original.type != "MESH":
+            self.remark(f"object '{obj.name}' ({original.type}) blocks and reflects light but gets no colours: "
+                        "convert it to a mesh to bake onto it")  # fmt: skip
+        elif made_by_itself or not _same_topology(mesh, original.data):
+            names = " and ".join(f"'{modifier.name}'" for modifier in obj.modifiers if modifier.show_viewport)
+            self.remark(f"object '{obj.name}': modifier {names} changes the mesh, which gets no colours: "
+                        "apply it to bake onto it")  # fmt: skip
+        elif not original.data.is_editable:
+            self.remark(f"mesh '{original.data.name}' of object '{obj.name}' is linked from a library and gets no "
+                        "colours: make it local to bake onto it")  # fmt: skip
+        else:
+            users = self.users.setdefault(original.data.name, [])
+            users.append(obj.name)
+            return len(users) == 1
+        return False
+
+    def add_corners(
+        self, obj: bpy.types.Object, mesh: _Mesh, world: _World, albedo: np.ndarray, emission: np.ndarray
+    ) -> None:
+        """Everything that is needed to colour the mesh of an object."""
+        count, face = len(mesh.corner_vertex), mesh.corner_face
+        self.append(
+            corner_position=world.position[mesh.corner_vertex],
+            corner_normal=world.corner_normal,
+            corner_vertex=mesh.corner_vertex + self.vertices,
+            corner_face_centre=world.face_centre[face],
+            corner_albedo=albedo[face],
+            corner_emission=emission[face],
+        )
+        rows = slice(self.corners, self.corners + count)
+        self.receivers.append(
+            Receiver(obj.original.data.name, obj.name, rows, mesh.corner_vertex, len(mesh.vertex), mesh.smooth)
+        )
+        self.corners += count
+        self.vertices += len(mesh.vertex)
+
+    def append(self, **arrays: np.ndarray) -> None:
+        """Add rows to the named arrays."""
+        for name, rows in arrays.items():
+            self.parts.setdefault(name, []).append(rows)
+
+    def remark(self, text: str, obj: str | None = None) -> None:
+        """Keep a warning; the objects that share one are named together in place of its '{}'."""
+        objects = self.remarks.setdefault(text, [])
+        if obj is not None and obj not in objects:
+            objects.append(obj)
+
+    def finish(self) -> SceneArrays:
+        """Put the parts together, after checking that there is something to bake."""
+        scene = self.depsgraph.scene
+        self.add_scene_remarks(scene)
+        warnings = tuple(text.format(_list(names)) if names else text for text, names in self.remarks.items())
+        because = f" ({'; '.join(warnings)})" if warnings else ""
+        if not self.meshes:
+            raise Error(f"scene '{scene.name}' has no mesh that a render would show{because}")
+        if not sum(len(part) for part in self.parts.get("triangles", [])):
+            raise Error(f"no mesh of scene '{scene.name}' has a face{because}")
+        if not self.receivers:
+            raise Error(f"no mesh of scene '{scene.name}' can take colours{because}")
+        arrays = {name: np.concatenate(parts) for name, parts in self.parts.items()}
+        if not arrays["emission"].any():
+            raise Error(f"nothing in scene '{scene.name}' gives off light: give a mesh a material with an Emission "
+                        "shader, or with an Emission Strength above 0 in its Principled shader")  # fmt: skip
+        return SceneArrays(**arrays, receivers=tuple(self.receivers), warnings=warnings)
+
+    def add_scene_remarks(self, scene: bpy.types.Scene) -> None:
+        """Warnings that belong to no single object that was read."""
+        for mesh, users in self.users.items():
+            if len(users) > 1:
+                self.remark(f"mesh '{mesh}' is shared by {_list(users)}: its colours are those of '{users[0]}'")
+        world = materials.world_remark(scene.world)
+        if world:
+            self.remark(world)
+        for obj in self.depsgraph.view_layer.objects:
+            if obj.type == "MESH" and obj.name in self.renderable and not obj.hide_render and not obj.visible_get():
+                self.remark(f"object '{obj.name}' is hidden in the viewport: left out")
+
+
+class _World:
+    """A mesh carried into world space: position (V,3), corner_normal (C,3) unit, face_centre (F,3)."""
+
+    def __init__(self, name: str, mesh: _Mesh, matrix: np.ndarray) -> None:
+        linear, offset = matrix[:3, :3], matrix[:3, 3]
+        if not np.isfinite(matrix).all():
+            raise Error(f"object '{name}': its transform has the value {matrix[~np.isfinite(matrix)][0]:g}")
+        bad = np.flatnonzero(~np.isfinite(mesh.vertex).all(axis=1))
+        if len(bad):
+            value = ", ".join(f"{x:g}" for x in mesh.vertex[bad[0]])
+            raise Error(f"object '{name}': vertex {bad[0]} is at ({value}), which is not finite")
+        self.position = mesh.vertex @ linear.T + offset
+        self.face_centre = mesh.face_centre @ linear.T + offset
+        self.mirrored = np.linalg.det(linear) < 0
+        # Normals go with the cofactors of the matrix, which exist for flattened objects too.
+        a, b, c = linear.T
+        cofactors = np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+        normal = mesh.corner_normal @ cofactors * (-1.0 if self.mirrored else 1.0)
+        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        self.corner_normal = np.where(length > 0, normal / np.where(length > 0, length, 1.0), (0.0, 0.0, 1.0))
+
+
+def _read_mesh(mesh: bpy.types.Mesh) -> _Mesh:
+    """Read an evaluated mesh into arrays; positions become float64."""
+    mesh.calc_loop_triangles()
+    faces, triangles = mesh.polygons, mesh.loop_triangles
+    return _Mesh(
+        vertex=_get(mesh.vertices, "co", np.float32, 3).astype(np.float64),
+        corner_vertex=_get(mesh.loops, "vertex_index", np.int32),
+        corner_normal=_get(mesh.corner_normals, "vector", np.float32, 3).astype(np.float64),
+        face_start=_get(faces, "loop_start", np.int32),
+        face_corners=_get(faces, "loop_total", np.int32),
+        face_centre=_get(faces, "center", np.float32, 3).astype(np.float64),
+        face_material=_get(faces, "material_index", np.int32),
+        smooth=bool(_get(faces, "use_smooth", bool).all()),
+        triangle_corners=_get(triangles, "loops", np.int32, 3),
+        triangle_face=_get(triangles, "polygon_index", np.int32),
+    )
+
+
+def _get(collection: bpy.types.bpy_prop_collection, name: str, dtype: type, width: int = 1) -> np.ndarray:
+    values = np.empty(len(collection) * width, dtype)
+    collection.foreach_get(name, values)
+    return values.reshape(-1, width) if width > 1 else values
+
+
+def _is_closed(mesh: _Mesh) -> bool:
+    """Whether every edge has exactly two faces that run along it in opposite directions."""
+    following = np.arange(1, len(mesh.corner_vertex) + 1)
+    following[mesh.face_start + mesh.face_corners - 1] = mesh.face_start
+    start, end = mesh.corner_vertex.astype(np.int64), mesh.corner_vertex[following].astype(np.int64)
+    forward = np.sort(start * len(mesh.vertex) + end)
+    backward = np.sort(end * len(mesh.vertex) + start)
+    return bool((forward == backward).all() and (np.diff(forward) > 0).all())
+
+
+def _with_area(triangles: np.ndarray) -> np.ndarray:
+    """(T,) bool: whether a triangle is higher than the rounding of its coordinates."""
+    edges = triangles - np.roll(triangles, 1, axis=1)
+    longest = np.linalg.norm(edges, axis=2).max(axis=1)
+    rounding = 1e-12 * np.maximum(longest, np.abs(triangles).max(axis=(1, 2)))
+    return np.linalg.norm(np.cross(edges[:, 1], edges[:, 2]), axis=1) > longest * rounding
+
+
+def _same_topology(mesh: _Mesh, original: bpy.types.Mesh) -> bool:
+    """Whether corners and vertices of an evaluated mesh are those of the datablock, one by one."""
+    if (len(original.vertices), len(original.loops)) != (len(mesh.vertex), len(mesh.corner_vertex)):
+        return False
+    return bool((_get(original.loops, "vertex_index", np.int32) == mesh.corner_vertex).all())
+
+
+def _materials(obj: bpy.types.Object) -> list[bpy.types.Material | None]:
+    """The material of every slot, those set on the object itself first; one None where there is no slot."""
+    found = list(obj.data.materials)
+    for index, slot in enumerate(obj.material_slots):
+        if index < len(found) and slot.link == "OBJECT":
+            found[index] = slot.material
+    return found or [None]
+
+
+def _renderable(layer: bpy.types.LayerCollection) -> Iterator[str]:
+    """Names of the objects in collections that are neither excluded nor switched off for renders."""
+    if layer.exclude or layer.collection.hide_render:
+        return
+    yield from (obj.name for obj in layer.collection.objects)
+    for child in layer.children:
+        yield from _renderable(child)
+
+
+def _list(names: list[str]) -> str:
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return ", ".join(f"'{name}'" for name in names[:3]) + more

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A small Cycles picture of a baked scene: every mesh shows its colour attribute and nothing else.
+
+It is rendered in a copy of the scene with a material, a view layer override and, where needed, a camera of its own;
+all of that is removed again.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from fmm_core import Error
+
+from .attributes import NAME
+
+if TYPE_CHECKING:
+    import bpy
+
+SIZE = 512
+SAMPLES = 16
+
+
+def render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, corners: np.ndarray, path: Path) -> None:
+    """Render the baked scene to a PNG file, from its camera or, without one, from where everything is in view.
+
+    corners (C,3): positions in m that a camera of its own has to see. Raises fmm_core.Error where Blender cannot.
+    """
+    import bpy
+
+    material = _attribute_material()
+    copy = scene.copy()
+    camera = None
+    try:
+        for other in copy.view_layers:
+            other.material_override = material
+        if copy.camera is None:
+            camera = _fitted_camera(copy, corners)
+        _set_up(copy, path)
+        bpy.ops.render.render(write_still=True, scene=copy.name, layer=layer.name)
+    except RuntimeError as error:
+        raise Error(f"the preview could not be rendered: {' '.join(str(error).split())}") from None
+    finally:
+        bpy.data.scenes.remove(copy)
+        if camera is not None:
+            bpy.data.cameras.remove(camera)
+        bpy.data.materials.remove(material)
+
+
+def _attribute_material() -> bpy.types.Material:
+    import bpy
+
+    material = bpy.data.materials.new("Radiosity preview")
+    if material.node_tree is None:
+        material.use_nodes = True
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    nodes.clear()
+    attribute = nodes.new("ShaderNodeAttribute")
+    attribute.attribute_name = NAME
+    emission = nodes.new("ShaderNodeEmission")
+    output = nodes.new("ShaderNodeOutputMaterial")
+    links.new(attribute.outputs["Color"], emission.inputs["Color"])
+    links.new(emission.outputs["Emission"], output.inputs["Surface"])
+    return material
+
+
+def _set_up(scene: bpy.types.Scene, path: Path) -> None:
+    scene.world = None
+    render = scene.render
+    render.engine = "CYCLES"
+    render.resolution_x = render.resolution_y = SIZE
+    render.resolution_percentage = 100
+    render.pixel_aspect_x = render.pixel_aspect_y = 1.0
+    render.use_border = render.use_compositing = render.use_sequencer = render.film_transparent = False
+    render.use_motion_blur = render.use_multiview = render.use_file_extension = False
+    render.filepath = str(path)
+    render.image_settings.file_format = "PNG"
+    render.image_settings.color_mode = "RGB"
+    scene.view_settings.view_transform = "Standard"
+    scene.view_settings.look = "None"
+    scene.cycles.device = "CPU"
+    scene.cycles.samples = SAMPLES
+    scene.cycles.max_bounces = 0
+    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+
+
+def _fitted_camera(scene: bpy.types.Scene, corners: np.ndarray) -> bpy.types.Camera:
+    """A camera that sees the bounding sphere of the corners, from the front, somewhat from the right and above."""
+    import bpy
+    from mathutils import Vector
+
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    radius = max(float(np.linalg.norm(high - low)) / 2, 1e-6)
+    data = bpy.data.cameras.new("Radiosity preview")
+    camera = bpy.data.objects.new("Radiosity preview", data)
+    direction = Vector((0.5, -1.0, 0.4)).normalized()
+    distance = radius / np.sin(data.angle / 2)
+    camera.location = Vector((low + high) / 2) + direction * distance
+    camera.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
+    data.clip_start, data.clip_end = distance / 1000, distance * 3
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    return data
