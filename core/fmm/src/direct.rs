@@ -5,11 +5,15 @@ use crate::error::{Error, same_length};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::f64::consts::PI;
+use std::ops::Range;
 
 /// Arrays are padded to this many sources, the widest register; padding sources have no strength.
 const LANES: usize = 8;
-/// Receivers that share one pass over the sources.
+/// Receivers that share each load of a source.
 const ROWS: usize = 4;
+/// Receivers and sources are taken in tiles that stay in the nearest cache.
+const TILE_ROWS: usize = 64;
+const TILE_SOURCES: usize = 512;
 
 /// The point sources of a direct sum, one array a component.
 #[derive(Debug, Clone)]
@@ -63,15 +67,25 @@ impl Sources {
         }
         let (q, words, arch) = (columns(strengths), self.words(), Arch::new());
         let mut irradiance = vec![[0.0; 3]; points.len()];
-        irradiance.par_chunks_mut(ROWS).enumerate().for_each(|(chunk, out)| {
-            let first = chunk * ROWS;
-            if let (None, Some(x), Some(n_x)) = (visible, four(points, first), four(normals, first)) {
-                out.copy_from_slice(&arch.dispatch(Sum { x, n_x, sources: self, q: &q, bits: None }));
-                return;
-            }
-            for (row, out) in (first..).zip(out) {
-                let bits = visible.map(|bits| &bits[row * words..(row + 1) * words]);
-                [*out] = arch.dispatch(Sum { x: [points[row]], n_x: [normals[row]], sources: self, q: &q, bits });
+        irradiance.par_chunks_mut(TILE_ROWS).enumerate().for_each(|(tile, out)| {
+            for first in (0..self.softening.len()).step_by(TILE_SOURCES) {
+                let part = first..(first + TILE_SOURCES).min(self.softening.len());
+                for (group, out) in out.chunks_mut(ROWS).enumerate() {
+                    // A short last group repeats its last receiver, whose sum is then not taken.
+                    let row = |i: usize| tile * TILE_ROWS + group * ROWS + i.min(out.len() - 1);
+                    let rows = [0, 1, 2, 3].map(row);
+                    let sums = arch.dispatch(Sum {
+                        x: rows.map(|row| points[row]),
+                        n_x: rows.map(|row| normals[row]),
+                        sources: self,
+                        q: &q,
+                        part: part.clone(),
+                        bits: visible.map(|bits| rows.map(|row| &bits[row * words..(row + 1) * words])),
+                    });
+                    for (out, sum) in out.iter_mut().zip(sums) {
+                        *out = [out[0] + sum[0], out[1] + sum[1], out[2] + sum[2]];
+                    }
+                }
             }
         });
         Ok(irradiance)
@@ -85,10 +99,6 @@ fn columns(rows: &[[f64; 3]]) -> [Vec<f64>; 3] {
         column.resize(rows.len().next_multiple_of(LANES), 0.0);
         column
     })
-}
-
-fn four(rows: &[[f64; 3]], first: usize) -> Option<[[f64; 3]; ROWS]> {
-    rows.get(first..first + ROWS)?.try_into().ok()
 }
 
 /// For each byte of visibility bits its eight factors, 0 or 1.
@@ -106,46 +116,45 @@ static FACTORS: [[f64; LANES]; 256] = {
     table
 };
 
-/// The sum over all sources for R receivers at once.
-struct Sum<'a, const R: usize> {
-    x: [[f64; 3]; R],
-    n_x: [[f64; 3]; R],
+/// The sum over a part of the sources for a few receivers at once.
+struct Sum<'a> {
+    x: [[f64; 3]; ROWS],
+    n_x: [[f64; 3]; ROWS],
     sources: &'a Sources,
     q: &'a [Vec<f64>; 3],
-    bits: Option<&'a [u64]>,
+    part: Range<usize>,
+    bits: Option<[&'a [u64]; ROWS]>,
 }
 
-impl<const R: usize> WithSimd for Sum<'_, R> {
-    type Output = [[f64; 3]; R];
+impl WithSimd for Sum<'_> {
+    type Output = [[f64; 3]; ROWS];
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-        let Sources { y, n_y, softening, .. } = self.sources;
-        let y = y.each_ref().map(|column| S::as_simd_f64s(column).0);
-        let n_y = n_y.each_ref().map(|column| S::as_simd_f64s(column).0);
-        let q = self.q.each_ref().map(|column| S::as_simd_f64s(column).0);
-        let softening = S::as_simd_f64s(softening).0;
+        let part = self.part.clone();
+        let y = self.sources.y.each_ref().map(|column| S::as_simd_f64s(&column[part.clone()]).0);
+        let n_y = self.sources.n_y.each_ref().map(|column| S::as_simd_f64s(&column[part.clone()]).0);
+        let q = self.q.each_ref().map(|column| S::as_simd_f64s(&column[part.clone()]).0);
+        let softening = S::as_simd_f64s(&self.sources.softening[part.clone()]).0;
         let x = self.x.map(|x| x.map(|c| simd.splat_f64s(c)));
         let n_x = self.n_x.map(|n| n.map(|c| simd.splat_f64s(c)));
         let zero = simd.splat_f64s(0.0);
         let per_byte = LANES / S::F64_LANES.min(LANES);
-        let mut sums = [[zero; 3]; R];
+        let mut sums = [[zero; 3]; ROWS];
         for v in 0..softening.len() {
-            let mut seen = None;
-            if let Some(bits) = self.bits {
-                let byte = v / per_byte;
-                let factors = &FACTORS[(bits[byte / 8] >> (byte % 8 * 8) & 0xff) as usize];
-                seen = Some(S::as_simd_f64s(factors).0[v % per_byte]);
+            let seen = self.bits.map(|rows| rows.map(|row| byte(row, part.start / LANES + v / per_byte)));
+            if seen == Some([0; ROWS]) {
+                continue;
             }
-            for i in 0..R {
-                // (eq 1) without its 1 / pi.
+            for i in 0..ROWS {
+                // (eq 1) without its -1 / pi.
                 let d = [0, 1, 2].map(|axis| simd.sub_f64s(x[i][axis], y[axis][v]));
                 let r2 = simd.max_f64s(dot(simd, d, d), softening[v]);
                 let cos_y = simd.max_f64s(dot(simd, d, n_y.map(|n| n[v])), zero);
                 let cos_x = simd.min_f64s(dot(simd, d, n_x[i]), zero);
                 let mut k = simd.div_f64s(simd.mul_f64s(cos_y, cos_x), simd.mul_f64s(r2, r2));
                 if let Some(seen) = seen {
-                    k = simd.mul_f64s(k, seen);
+                    k = simd.mul_f64s(k, S::as_simd_f64s(&FACTORS[seen[i]]).0[v % per_byte]);
                 }
                 for colour in 0..3 {
                     sums[i][colour] = simd.mul_add_e_f64s(k, q[colour][v], sums[i][colour]);
@@ -154,6 +163,12 @@ impl<const R: usize> WithSimd for Sum<'_, R> {
         }
         sums.map(|sum| sum.map(|lanes| simd.reduce_sum_f64s(lanes) / -PI))
     }
+}
+
+/// Byte `index` of a row of visibility bits.
+#[inline(always)]
+fn byte(row: &[u64], index: usize) -> usize {
+    (row[index / 8] >> (index % 8 * 8) & 0xff) as usize
 }
 
 #[inline(always)]

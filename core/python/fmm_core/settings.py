@@ -20,7 +20,8 @@ class Settings:
     method          "direct": every particle with every other one, the reference
     particles       about how many quadrature points the scene is cut into, or None to choose from the scene;
                     never fewer than one a triangle
-    quadrature      degree of the Gaussian rule on each patch: 1, 2, 4 or 5 (1, 3, 6 or 7 points)
+    quadrature      degree of the Gaussian rule on each patch: 1, 2, 4 or 5 (1, 3, 6 or 7 points), or None to choose
+                    2 where triangles are cut and 1 where the mesh is finer than the particles asked for
     near_reach      patches closer than this many of their own radii count with their exact form factor
     tolerance       iteration ends when the unshot part of the light is below this share
     max_iterations  and at the latest after this many applications of the operator
@@ -31,8 +32,8 @@ class Settings:
     target_error: float | None = None
     method: str = "direct"
     particles: int | None = None
-    quadrature: int = 1
-    near_reach: float = 8.0
+    quadrature: int | None = None
+    near_reach: float = 4.0
     tolerance: float = 1e-4
     max_iterations: int = 1000
 
@@ -48,7 +49,7 @@ class Settings:
             self._check_integer("particles", 1, 1 << 31)
         if self.method not in METHODS:
             raise Error(f"method: expected one of {', '.join(METHODS)}, got {self.method!r}")
-        if self.quadrature not in (1, 2, 4, 5):
+        if self.quadrature not in (None, 1, 2, 4, 5):
             raise Error(f"quadrature: expected 1, 2, 4 or 5, got {self.quadrature!r}")
 
     def _check_integer(self, name: str, low: int, high: int) -> None:

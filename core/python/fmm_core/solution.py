@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .direct import DirectSpace
 from .errors import Error
+from .particles import Particles
 from .report import Report
 from .scene import Scene
 from .settings import Settings
@@ -44,6 +45,11 @@ class Solution:
     def time(self, phase: str) -> AbstractContextManager[None]:
         """Adds the seconds spent inside to the report's `seconds[phase]`."""
         return self._report.time(phase)
+
+    @property
+    def particles(self) -> Particles:
+        """The quadrature points that carry the radiosity."""
+        return self._space.particles
 
     @property
     def report(self) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .direct import DirectOperator, DirectSpace
-from .errors import Cancelled, Error
+from .errors import Cancelled
 from .particles import Particles, make_particles
 from .report import Report
 from .scene import Scene
@@ -30,8 +30,9 @@ def solve(scene: Scene, settings: Settings | None = None, progress: Progress | N
     settings = settings or Settings()
     report = Report(settings, scene)
     with report.time("tree"):
-        count = settings.particles or max(AUTOMATIC_PARTICLES, len(scene.triangles))
-        particles = make_particles(scene, count, settings.quadrature)
+        count = settings.particles or AUTOMATIC_PARTICLES
+        degree = settings.quadrature or (2 if len(scene.triangles) < count else 1)
+        particles = make_particles(scene, count, degree)
     report.counts.update(triangles=len(scene.triangles), particles=len(particles))
     with report.time("visibility"):
         occlusion = Occlusion(scene)

@@ -104,9 +104,7 @@ class Occlusion:
         return (points - self._centre) / self._scale + OFFSET * normals
 
 
-def _run_blocks(
-    work: Callable[[slice], int], count: int, size: int, tick: Callable[[float], bool] | None
-) -> int:
+def _run_blocks(work: Callable[[slice], int], count: int, size: int, tick: Callable[[float], bool] | None) -> int:
     """Runs `work` on slices of `size` rows in as many threads as there are cores; sums what it returns."""
     slices = [slice(start, min(start + size, count)) for start in range(0, count, size)]
     total = 0

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Quadrature rules and the cutting of triangles."""
+
+import math
+
+import fmm_core
+import numpy as np
+import pytest
+import shapes
+from fmm_core.particles import make_particles
+from fmm_core.quadrature import triangle_rule
+from hypothesis import given
+from hypothesis import strategies as st
+
+
+@pytest.mark.parametrize("degree", [1, 2, 4, 5])
+def test_rule_integrates_monomials_up_to_its_degree_and_no_further(degree):
+    points, weights = triangle_rule(degree)
+    x, y = points[:, 0], points[:, 1]
+
+    def error(i, j):
+        exact = 2 * math.factorial(i) * math.factorial(j) / math.factorial(i + j + 2)
+        return abs((weights * x**i * y**j).sum() - exact)
+
+    assert max(error(i, n - i) for n in range(degree + 1) for i in range(n + 1)) < 1e-14
+    assert max(error(i, degree + 1 - i) for i in range(degree + 2)) > 1e-5
+    assert (points > 0).all()
+    assert (weights > 0).all()
+
+
+@given(
+    corners=st.lists(st.floats(-10, 10), min_size=18, max_size=18),
+    count=st.integers(1, 3000),
+    degree=st.sampled_from([1, 2, 4, 5]),
+    two_sided=st.booleans(),
+)
+def test_particles_cover_the_area_with_unit_normals(corners, count, degree, two_sided):
+    triangles = np.array(corners).reshape(2, 3, 3)
+    try:
+        scene = fmm_core.Scene(triangles, emission=1.0, two_sided=two_sided)
+    except fmm_core.Error:
+        return
+    particles = make_particles(scene, count, degree)
+    cross = np.cross(scene.triangles[:, 1] - scene.triangles[:, 0], scene.triangles[:, 2] - scene.triangles[:, 0])
+    area = np.linalg.norm(cross, axis=1) / 2 * (1 + two_sided)
+    covered = np.bincount(particles.triangle, particles.weights, minlength=len(area))
+    assert covered == pytest.approx(area, rel=1e-6)
+    assert np.linalg.norm(particles.normals, axis=1) == pytest.approx(1.0)
+    assert len(particles) == len(particles.patches) * particles.per_patch
+
+
+def test_number_of_particles_is_about_the_one_asked_for():
+    scene = fmm_core.Scene(shapes.room(), emission=1.0)
+    for count in (100, 1000, 10_000):
+        assert 0.5 * count < len(make_particles(scene, count, 1)) < 2 * count
+
+
+def test_small_emitter_gets_its_share_of_particles():
+    emitter = shapes.quad([0.49, 0.49, 0.5], [0.49, 0.51, 0.5], [0.51, 0.51, 0.5], [0.51, 0.49, 0.5])
+    triangles = np.concatenate([shapes.room(), emitter])
+    emission = np.where(np.arange(14) < 12, 0.0, 1.0)
+    particles = make_particles(fmm_core.Scene(triangles, emission=emission), 2000, 1)
+    assert np.count_nonzero(particles.triangle >= 12) > 100

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The solve as a whole: linearity, symmetry, progress, cancelling, reports."""
+
+import json
+
+import fmm_core
+import numpy as np
+import pytest
+import shapes
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+CUBE = shapes.room()
+SMALL = fmm_core.Settings(particles=300)
+
+
+def test_light_is_linear_in_emission_and_colours_do_not_mix():
+    emission = np.linspace([0.0, 1.0, 2.0], [1.0, 0.0, 3.0], 12)
+    points = shapes.random_points(CUBE, 3)
+    tight = fmm_core.Settings(particles=300, tolerance=1e-9)
+    together = fmm_core.solve(fmm_core.Scene(CUBE, 0.6, emission), tight).irradiance(*points)
+    for colour in range(3):
+        alone = fmm_core.solve(fmm_core.Scene(CUBE, 0.6, 7 * emission[:, colour]), tight).irradiance(*points)
+        assert alone == pytest.approx(7 * together[:, [colour] * 3], rel=1e-6)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    axis=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda a: np.linalg.norm(a) > 0.1),
+    angle=st.floats(0, 6.3),
+    shift=st.tuples(*[st.floats(-10, 10)] * 3),
+    scale=st.floats(1e-2, 1e2),
+)
+def test_result_is_the_same_after_moving_turning_and_scaling_the_scene(axis, angle, shift, scale):
+    block = shapes.room((0.4, 0.3, 0.2))[:, ::-1] + [0.35, 0.35, 0.2]
+    triangles = np.concatenate([CUBE, block])
+    emission = np.where(np.arange(24) == 0, 1.0, 0.0)
+    a = np.asarray(axis) / np.linalg.norm(axis)
+    cross = np.cross(np.eye(3), a)
+    turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    points, normals = shapes.random_points(CUBE, 4)
+
+    def move(x):
+        return scale * (x @ turn) + shift
+
+    before = fmm_core.solve(fmm_core.Scene(triangles, 0.5, emission), SMALL).irradiance(points, normals)
+    moved = fmm_core.solve(fmm_core.Scene(move(triangles), 0.5, emission), SMALL)
+    after = moved.irradiance(move(points), normals @ turn)
+    # A ray that grazes an edge may fall on the other side of it; all else agrees.
+    different = np.abs(after - before)[:, 0] > 1e-3 * before[:, 0]
+    assert different.mean() < 0.1
+    assert np.linalg.norm(after - before) < 0.02 * np.linalg.norm(before)
+
+
+def test_two_sided_triangle_lights_both_sides():
+    plate = shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0])
+    above = fmm_core.solve(fmm_core.Scene(plate, 0.0, 1.0, two_sided=True), SMALL)
+    below = fmm_core.solve(fmm_core.Scene(plate, 0.0, 1.0), SMALL)
+    points, normals = np.array([[0.5, 0.5, 1.0], [0.5, 0.5, -1.0]]), np.array([[0, 0, -1.0], [0, 0, 1.0]])
+    assert above.irradiance(points, normals)[:, 0] == pytest.approx([0.2394, 0.2394], rel=1e-2)
+    assert below.irradiance(points, normals)[:, 0] == pytest.approx([0.2394, 0.0], rel=1e-2)
+
+
+def test_progress_rises_and_cancels():
+    calls = []
+
+    def progress(fraction, text):
+        calls.append((fraction, text))
+
+    fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), SMALL, progress)
+    fractions = [fraction for fraction, _ in calls]
+    assert fractions == sorted(fractions)
+    assert 0 < fractions[0] <= fractions[-1] <= 1
+    with pytest.raises(fmm_core.Cancelled):
+        fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), SMALL, lambda fraction, text: False)
+
+
+def test_residuals_fall_and_the_cap_is_reported():
+    report = fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), SMALL).report
+    assert report["residuals"] == sorted(report["residuals"], reverse=True)
+    assert report["warnings"] == []
+    capped = fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), fmm_core.Settings(particles=300, max_iterations=2))
+    assert len(capped.report["residuals"]) == 2
+    assert "iteration stopped after 2 steps" in capped.report["warnings"][0]
+
+
+def test_report_is_json_with_the_fixed_keys():
+    solution = fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), SMALL)
+    solution.irradiance(*shapes.random_points(CUBE, 1))
+    report = json.loads(json.dumps(solution.report))
+    assert report["version"] == 1
+    assert report["counts"]["triangles"] == 12
+    assert report["counts"]["output_points"] == 12
+    assert report["counts"]["rays"] > 0
+    assert report["seconds"]["total"] == pytest.approx(sum(v for k, v in report["seconds"].items() if k != "total"))
+    assert set(report) == {
+        "version", "settings", "effects", "counts", "postponement", "seconds", "peak_memory_mib", "residuals", "error",
+        "warnings",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("points", "normals", "message"),
+    [
+        ([[0, 0]], [[0, 0, 1]], r"points: expected shape \(M, 3\)"),
+        ([[0, 0, np.nan]], [[0, 0, 1]], "points: row 0 is"),
+        ([[0, 0, 0]], [[0, 0, 0]], "normals: row 0 has no direction"),
+        ([[0, 0, 0]], [[0, 0, 1], [0, 0, 1]], "normals: expected 1 rows"),
+    ],
+)
+def test_wrong_output_points_are_refused(points, normals, message):
+    solution = fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), SMALL)
+    with pytest.raises(fmm_core.Error, match=message):
+        solution.irradiance(points, normals)
+
+
+def test_corners_with_one_vertex_and_one_normal_are_one_output_point():
+    grid = np.array([[x, y, 0.0] for y in range(3) for x in range(3)])
+    faces = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]])
+    corners = faces.ravel()
+    centres = np.repeat(grid[faces].mean(axis=1), 4, axis=0)
+    up = np.tile([0.0, 0.0, 1.0], (16, 1))
+    points = fmm_core.output_points(grid[corners], up, corners, centres)
+    assert len(points.points) == 9
+    assert points.points[points.inverse] == pytest.approx(grid[corners], abs=1e-3)
+    assert points.points[points.inverse[2]] == pytest.approx([1, 1, 0])
+    assert points.points[points.inverse[0]] == pytest.approx([0.0005, 0.0005, 0])
