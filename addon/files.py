@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import os
+import secrets
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -41,12 +41,11 @@ class Staged:
         """The temporary path to write a file to; its folder is made."""
         try:
             final.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(prefix=f".{final.stem}-", suffix=final.suffix, dir=final.parent)
         except OSError as error:
             raise Error(f"cannot write '{final}': {error.strerror}") from None
-        os.close(handle)
-        _give_usual_permissions(name)
-        self._pending[final] = Path(name)
+        # In the same folder, so that paths relative to a .blend stay true; a file must not be there yet, as Blender
+        # would keep a backup of it.
+        self._pending[final] = final.with_name(f".{final.stem}-{secrets.token_hex(4)}{final.suffix}")
         return self._pending[final]
 
     def commit(self) -> None:
@@ -63,10 +62,3 @@ class Staged:
         """Remove what was not committed."""
         for temporary in self._pending.values():
             temporary.unlink(missing_ok=True)
-
-
-def _give_usual_permissions(name: str) -> None:
-    # mkstemp makes files private; the umask can only be read by setting it.
-    mask = os.umask(0)
-    os.umask(mask)
-    os.chmod(name, 0o666 & ~mask)

@@ -30,6 +30,7 @@ def render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, corners: np.ndarr
     import bpy
 
     material = _attribute_material()
+    images = set(bpy.data.images)
     copy = scene.copy()
     camera = None
     try:
@@ -46,6 +47,8 @@ def render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, corners: np.ndarr
         if camera is not None:
             bpy.data.cameras.remove(camera)
         bpy.data.materials.remove(material)
+        for image in set(bpy.data.images) - images:
+            bpy.data.images.remove(image)
 
 
 def _attribute_material() -> bpy.types.Material:

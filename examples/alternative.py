@@ -29,7 +29,7 @@ def build() -> None:
     add_globe("Globe", gold, Vector((0.0, 4.6, 1.46)), 0.55)
     for name, footprint in PANELS.items():
         panel = Surface()
-        box(panel, footprint, HEIGHT - 0.005, HEIGHT + 0.05, CELL, (0, 0, 1))
+        box(panel, footprint, HEIGHT - 0.001, HEIGHT + 0.05, CELL, (0, 0, 1))
         panel.object(name, [plaster, scene.light(name, RADIANCE[name])])
     scene.camera((0.0, -4.6, 2.0), (0.0, 4.0, 1.8), 32.0, 32.0)
 

@@ -75,7 +75,7 @@ def _light() -> Surface:
     """A flat closed box in the opening of the ceiling that shines from its lower side, just below the ceiling."""
     corners = [_place(corner) for corner in LIGHT]
     lamp = Surface()
-    box(lamp, [corner.xy for corner in corners], corners[0].z - 0.005, corners[0].z + 0.05, CELL, (0, 0, 1))
+    box(lamp, [corner.xy for corner in corners], corners[0].z - 0.001, corners[0].z + 0.05, CELL, (0, 0, 1))
     return lamp
 
 

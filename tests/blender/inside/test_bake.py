@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a bake writes, and what it leaves alone."""
+
+import json
+import math
+import os
+
+import bpy
+import fmm_core
+import numpy as np
+import pytest
+from scenes import baked
+
+SETTINGS = fmm_core.Settings(particles=300)
+
+
+@pytest.fixture(autouse=True)
+def few_particles(empty):
+    bpy.context.scene.fmm_radiosity.particles = 300
+
+
+def all_baked():
+    return {mesh.name: baked(mesh) for mesh in bpy.data.meshes}
+
+
+def test_code_comes_from_the_zip():
+    import addon_utils
+
+    user = os.environ["BLENDER_USER_RESOURCES"]
+    assert fmm_core.__file__.startswith(user)
+    assert addon_utils._extensions_warnings_get() == {}
+
+
+def test_colours_are_radiance_at_the_output_points(build, fmm, read):
+    build.room()
+    assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+    arrays = read()
+    scene = fmm_core.Scene(arrays.triangles, arrays.albedo, arrays.emission, arrays.two_sided)
+    solution = fmm_core.solve(scene, SETTINGS)
+    points = fmm_core.output_points(
+        arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_face_centre
+    )
+    irradiance = solution.irradiance(points.points, points.normals)[points.inverse]
+    expected = (arrays.corner_emission + arrays.corner_albedo * irradiance) / math.pi
+    assert expected.max() > 2.9
+    for receiver in arrays.receivers:
+        colours = baked(bpy.data.meshes[receiver.mesh])
+        assert np.allclose(colours[:, :3], expected[receiver.rows], rtol=1e-6, atol=1e-7)
+        assert (colours[:, 3] == 1).all()
+
+
+def test_operator_and_command_line_agree(build, command, tmp_path):
+    build.room()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"))
+    assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+    by_operator = all_baked()
+    out, report, picture = tmp_path / "new" / "out.blend", tmp_path / "out.json", tmp_path / "out.png"
+    before = (tmp_path / "room.blend").read_bytes()
+    status, lines = command(
+        "bake", tmp_path / "room.blend", "-o", out, "--report", report, "--preview", picture
+    )  # fmt: skip
+    assert (status, lines) == (0, [])
+    assert (tmp_path / "room.blend").read_bytes() == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["new", "out.json", "out.png", "room.blend"]
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["out.blend"]
+    assert json.loads(report.read_text())["settings"]["particles"] == 300
+    picture = bpy.data.images.load(str(picture))
+    assert tuple(picture.size) == (512, 512)
+    assert max(picture.pixels) > 0.5
+    bpy.ops.wm.open_mainfile(filepath=str(out))
+    for name, colours in all_baked().items():
+        assert np.allclose(colours, by_operator[name], atol=1e-6)
+
+
+def contents():
+    """Everything of the open scene that a bake could have touched, without its own attribute."""
+    blocks = {
+        name: sorted(block.name_full for block in getattr(bpy.data, name))
+        for name, prop in bpy.data.bl_rna.properties.items()
+        if prop.type == "COLLECTION"
+    }
+    meshes = {}
+    for mesh in bpy.data.meshes:
+        positions = [tuple(vertex.co) for vertex in mesh.vertices]
+        faces = [(tuple(face.vertices), face.material_index, face.use_smooth) for face in mesh.polygons]
+        names = sorted(layer.name for layer in mesh.attributes if layer.name != "Radiosity")
+        meshes[mesh.name] = positions, faces, names, [material.name for material in mesh.materials]
+    objects = {obj.name: (obj.type, [list(row) for row in obj.matrix_world]) for obj in bpy.data.objects}
+    scene = bpy.context.scene
+    render = scene.render.engine, scene.render.resolution_x, scene.render.filepath, scene.view_settings.view_transform
+    return blocks, meshes, objects, render, scene.camera, bpy.context.view_layer.material_override
+
+
+def test_scene_is_unchanged_but_for_the_attribute(build, command, tmp_path):
+    build.room()
+    scene, out = tmp_path / "room.blend", tmp_path / "out.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    bpy.ops.wm.open_mainfile(filepath=str(scene))
+    before = contents()
+    assert command("bake", "-o", out, "--preview", tmp_path / "out.png") == (0, [])
+    assert contents() == before
+    bpy.ops.wm.open_mainfile(filepath=str(out))
+    assert contents() == before
+    assert all("Radiosity" in mesh.color_attributes for mesh in bpy.data.meshes)
+
+
+def test_attribute_is_active_and_rendered(build):
+    build.room()
+    mesh = bpy.data.meshes["Floor"]
+    mesh.color_attributes.new("Paint", "BYTE_COLOR", "CORNER")
+    mesh.color_attributes.new("Radiosity", "BYTE_COLOR", "POINT")
+    bpy.ops.fmm_radiosity.bake()
+    attribute = mesh.color_attributes["Radiosity"]
+    assert (attribute.data_type, attribute.domain) == ("FLOAT_COLOR", "CORNER")
+    assert mesh.color_attributes.active_color.name == "Radiosity"
+    assert mesh.color_attributes[mesh.color_attributes.render_color_index].name == "Radiosity"
+    assert sorted(mesh.color_attributes.keys()) == ["Paint", "Radiosity"]
+
+
+def test_smooth_meshes_get_one_colour_a_vertex(build):
+    build.room()
+    grey, red = build.material("Grey"), build.material("Dark red", Color=(0.4, 0, 0))
+    build.cube("Smooth", grey, size=0.2, smooth=True).location = (2, 2, 1)
+    build.cube("Patched", grey, red, size=0.2, smooth=True, slots=[0, 0, 0, 1, 1, 1]).location = (-1, 2, 1)
+    bpy.ops.fmm_radiosity.bake()
+    assert bpy.data.meshes["Smooth"].color_attributes["Radiosity"].domain == "POINT"
+    assert bpy.data.meshes["Patched"].color_attributes["Radiosity"].domain == "CORNER"
+    assert (baked(bpy.data.meshes["Smooth"])[:, :3] > 0).any(axis=1).all()
+
+
+def test_cancelling_leaves_the_earlier_bake(build, fmm):
+    build.room()
+    bpy.ops.fmm_radiosity.bake()
+    before = all_baked()
+    bpy.data.materials["Glow"].node_tree.nodes["Emission"].inputs["Strength"].default_value = 9.0
+    for last in (0.0, 0.5, 0.8):
+        with pytest.raises(fmm_core.Cancelled):
+            fmm.bake.bake(bpy.context, SETTINGS, lambda fraction, text, last=last: fraction <= last)
+    assert all((colours == before[name]).all() for name, colours in all_baked().items())
+
+
+def test_failing_write_leaves_every_mesh(build, fmm, monkeypatch):
+    build.room()
+    bpy.ops.fmm_radiosity.bake()
+    before = all_baked()
+    result = fmm.bake.compute(fmm.bake.read(bpy.context), fmm_core.Settings(particles=500))
+    layer, calls = fmm.attributes.layer, []
+
+    def fail_at_last(*arguments):
+        calls.append(arguments)
+        if len(calls) == len(before):
+            raise MemoryError
+        return layer(*arguments)
+
+    monkeypatch.setattr(fmm.attributes, "layer", fail_at_last)
+    with pytest.raises(MemoryError):
+        fmm.bake.write(result)
+    monkeypatch.undo()
+    bpy.data.meshes["Box"].name = "Renamed"
+    with pytest.raises(fmm_core.Error, match="mesh 'Box' of object 'Box' is gone"):
+        fmm.bake.write(result)
+    bpy.data.meshes["Renamed"].name = "Box"
+    assert all((colours == before[name]).all() for name, colours in all_baked().items())
+    assert all(mesh.color_attributes.keys() == ["Radiosity"] for mesh in bpy.data.meshes)
+
+
+def test_undo_brings_the_earlier_colours_back(build):
+    build.room()
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.fmm_radiosity.bake("EXEC_DEFAULT", True)
+    assert "Radiosity" in bpy.data.meshes["Box"].color_attributes
+    bpy.ops.ed.undo()
+    assert "Radiosity" not in bpy.data.meshes["Box"].color_attributes
+
+
+def test_operator_says_why_it_cannot_run(build):
+    build.room()
+    bpy.context.view_layer.objects.active = bpy.data.objects["Box"]
+    bpy.ops.object.mode_set(mode="EDIT")
+    with pytest.raises(RuntimeError, match="Object Mode"):
+        bpy.ops.fmm_radiosity.bake()
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_operator_reports_errors_in_one_line(build):
+    build.quad("Unlit")
+    with pytest.raises(RuntimeError, match=r"^Error: nothing in scene 'Scene' gives off light[^\n]*\n?$"):
+        bpy.ops.fmm_radiosity.bake()
+
+
+@pytest.mark.parametrize("kind", ["attribute", "vertex group"])
+def test_taken_name_is_an_error_before_the_solve(build, fmm, kind):
+    build.room()
+    if kind == "attribute":
+        bpy.data.meshes["Box"].attributes.new("Radiosity", "FLOAT2", "CORNER")
+    else:
+        bpy.data.objects["Box"].vertex_groups.new(name="Radiosity")
+    with pytest.raises(fmm_core.Error, match=rf"'Box' has an? {kind} 'Radiosity'"):
+        fmm.bake.read(bpy.context)

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is read from a scene."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+from fmm_core import Error
+from scenes import corner_normals
+
+
+def warned(arrays, *parts):
+    return any(all(part in text for part in parts) for text in arrays.warnings)
+
+
+def areas(triangles):
+    return np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1) / 2
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 1), (-1, 1, 1), (-2, -3, -0.5), (1, 0.2, 4)])
+def test_normals_stay_outside_whatever_the_scale(build, read, scale):
+    cube = build.cube("Cube", build.light())
+    cube.scale, cube.rotation_euler, cube.location = scale, (0.3, 0.5, 0.7), (3, -2, 1)
+    arrays = read()
+    outward = arrays.triangles.mean(axis=1) - (3, -2, 1)
+    normals = corner_normals(arrays.triangles)
+    assert (np.einsum("ti,ti->t", normals, outward) > 0).all()
+    for corner, centre in zip(arrays.corner_normal, arrays.corner_face_centre, strict=True):
+        assert np.dot(corner, centre - (3, -2, 1)) > 0
+        assert np.linalg.norm(corner) == pytest.approx(1)
+        assert np.abs(normals @ corner).max() == pytest.approx(1, abs=1e-5)
+    volume = np.einsum("ti,ti->", arrays.triangles[:, 0], np.cross(arrays.triangles[:, 1], arrays.triangles[:, 2])) / 6
+    assert volume == pytest.approx(abs(math.prod(scale)), rel=1e-5)
+
+
+def test_flattened_object_keeps_its_normals(build, read):
+    build.cube("Cube", build.light()).scale = (1, 1, 0)
+    arrays = read()
+    assert len(arrays.triangles) == 4
+    assert np.isfinite(arrays.corner_normal).all()
+    assert warned(arrays, "'Cube'", "4 faces without area")
+
+
+def test_polygons_keep_their_area(build, read):
+    circle = [(math.cos(2 * math.pi * i / 7), math.sin(2 * math.pi * i / 7), 0) for i in range(7)]
+    arrow = [(0, 0, 1), (2, 0, 1), (0.5, 0.5, 1), (0, 2, 1)]
+    build.object("Flat", circle + arrow, [tuple(range(7)), (7, 8, 9, 10)], build.light())
+    arrays = read()
+    assert len(arrays.triangles) == 5 + 2
+    assert areas(arrays.triangles).sum() == pytest.approx(3.5 * math.sin(2 * math.pi / 7) + 1.0, rel=1e-6)
+    assert len(arrays.corner_vertex) == 11
+
+
+def test_every_face_has_its_own_material(build, read):
+    red = build.material("Red", Color=(0.5, 0.1, 0.2))
+    glow = build.light("Glow", (1, 2, 4))
+    shiny = build.material("Both", "ShaderNodeBsdfPrincipled", Base_Color=(0.2, 0.3, 0.4), Emission_Strength=2.0)
+    vertices = [(x, y, 0) for x in range(4) for y in range(2)]
+    faces = [(2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1) for i in range(3)]
+    build.object("Strip", vertices, faces, red, glow, shiny, slots=[0, 1, 2])
+    arrays = read()
+    order = np.argsort(arrays.triangles[:, :, 0].mean(axis=1))
+    assert np.allclose(arrays.albedo[order[::2]], [(0.5, 0.1, 0.2), (0, 0, 0), (0.2, 0.3, 0.4)], atol=1e-6)
+    assert np.allclose(arrays.emission[order[::2]] / math.pi, [(0, 0, 0), (1, 2, 4), (2, 2, 2)], atol=1e-6)
+    assert np.allclose(arrays.corner_albedo[::4], [(0.5, 0.1, 0.2), (0, 0, 0), (0.2, 0.3, 0.4)], atol=1e-6)
+
+
+def test_material_of_the_object_goes_before_that_of_the_mesh(build, read):
+    lamp = build.quad("Lamp", build.light())
+    other = build.quad("Other", build.material("Grey"), z=1)
+    other.material_slots[0].link = "OBJECT"
+    other.material_slots[0].material = build.material("Green", Color=(0, 0.5, 0))
+    arrays = read()
+    assert [0, 0.5, 0] in arrays.albedo.round(6).tolist()
+    assert lamp.name == arrays.receivers[0].object
+
+
+def test_no_material_is_grey(build, read):
+    build.quad("Lamp", build.light())
+    build.quad("Bare", z=1)
+    assert read().albedo[2:].round(6).tolist() == [[0.8] * 3] * 2
+
+
+def test_open_meshes_are_two_sided(build, read):
+    build.quad("Lamp", build.light())
+    build.cube("Closed")
+    build.object("Turned", [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 2, 3)])
+    arrays = read()
+    assert arrays.two_sided.tolist() == [True] * 2 + [False] * 12 + [True] * 4
+
+
+def test_instances_block_light_and_are_baked_once(build, read):
+    build.quad("Lamp", build.light())
+    group = bpy.data.collections.new("Group")
+    group.objects.link(build.cube("Part", link=False))
+    for i in range(3):
+        holder = bpy.data.objects.new(f"Holder {i}", None)
+        holder.instance_type, holder.instance_collection, holder.location = "COLLECTION", group, (5 * i, 0, 0)
+        bpy.context.scene.collection.objects.link(holder)
+    arrays = read()
+    assert len(arrays.triangles) == 2 + 3 * 12
+    assert [receiver.mesh for receiver in arrays.receivers] == ["Lamp", "Part"]
+    assert warned(arrays, "mesh 'Part'", "shared")
+
+
+def test_linked_duplicates_are_baked_for_the_first(build, read):
+    lamp = build.quad("Lamp", build.light())
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Twin", lamp.data))
+    arrays = read()
+    assert len(arrays.triangles) == 4
+    assert len(arrays.receivers) == 1
+    assert warned(arrays, "mesh 'Lamp'", "'Lamp', 'Twin'", "those of 'Lamp'")
+
+
+def test_modifier_that_adds_faces_is_named(build, read):
+    build.quad("Lamp", build.light())
+    build.cube("Round").modifiers.new("Smoother", "SUBSURF")
+    arrays = read()
+    assert len(arrays.triangles) == 2 + 48
+    assert [receiver.object for receiver in arrays.receivers] == ["Lamp"]
+    assert warned(arrays, "'Round'", "'Smoother'", "apply it")
+
+
+def test_modifier_that_only_moves_is_baked_where_it_puts_the_mesh(build, read):
+    build.quad("Lamp", build.light())
+    build.quad("Moved").modifiers.new("Push", "DISPLACE")
+    arrays = read()
+    moved = arrays.receivers[1]
+    assert moved.object == "Moved"
+    assert np.abs(arrays.corner_position[moved.rows, 2]).min() > 0.1
+
+
+def test_text_blocks_light_but_gets_no_colours(build, read):
+    build.quad("Lamp", build.light())
+    text = bpy.data.curves.new("Words", "FONT")
+    text.body = "ab"
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Words", text))
+    arrays = read()
+    assert len(arrays.triangles) > 50
+    assert len(arrays.receivers) == 1
+    assert warned(arrays, "'Words'", "convert it")
+
+
+def test_hidden_objects_are_left_out(build, read):
+    build.quad("Lamp", build.light())
+    build.quad("Not rendered", z=1).hide_render = True
+    build.quad("Not shown", z=2).hide_set(True)
+    group = bpy.data.collections.new("Not rendered either")
+    group.hide_render = True
+    group.objects.link(build.quad("Grouped", z=3, link=False))
+    bpy.context.scene.collection.children.link(group)
+    arrays = read()
+    assert len(arrays.triangles) == 2
+    assert [text for text in arrays.warnings if "hidden" in text] == [
+        "object 'Not shown' is hidden in the viewport: left out"
+    ]
+
+
+def test_lamps_and_world_are_named(build, read):
+    build.quad("Lamp", build.light())
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Sunny", bpy.data.lights.new("Sunny", "SUN")))
+    world = bpy.data.worlds.new("Sky")
+    if world.node_tree is None:
+        world.use_nodes = True
+    bpy.context.scene.world = world
+    arrays = read()
+    assert warned(arrays, "light 'Sunny' (SUN)")
+    assert warned(arrays, "world 'Sky'")
+    next(node for node in world.node_tree.nodes if node.type == "BACKGROUND").inputs["Strength"].default_value = 0
+    assert not warned(read(), "world")
+
+
+def test_texture_is_named_and_not_black(build, read):
+    build.quad("Lamp", build.light())
+    wood = build.material("Wood", "ShaderNodeBsdfPrincipled", Base_Color=(0.3, 0.4, 0.5))
+    tree = wood.node_tree
+    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs["Color"], shader.inputs["Base Color"])
+    build.quad("Plank", wood, z=1)
+    arrays = read()
+    assert warned(arrays, "material 'Wood'", "'Plank'", "Base Color")
+    assert arrays.albedo[-1] == pytest.approx((0.3, 0.4, 0.5))
+
+
+def test_unknown_shader_is_named_and_grey(build, read):
+    build.quad("Lamp", build.light())
+    build.quad("Pane", build.material("Glass", "ShaderNodeBsdfGlass"), z=1)
+    arrays = read()
+    assert warned(arrays, "material 'Glass'", "'Pane'", "not simulated")
+    assert arrays.albedo[-1] == pytest.approx((0.8, 0.8, 0.8))
+
+
+def test_metal_is_named(build, read):
+    build.quad("Lamp", build.light())
+    build.quad("Pan", build.material("Steel", "ShaderNodeBsdfPrincipled", Metallic=1.0), z=1)
+    assert warned(read(), "material 'Steel'", "'Pan'", "Metallic")
+
+
+def test_negative_strength_is_an_error(build, read):
+    build.quad("Lamp", build.material("Dark", "ShaderNodeEmission", Strength=-2.0))
+    with pytest.raises(Error, match=r"material 'Dark': Strength is -2"):
+        read()

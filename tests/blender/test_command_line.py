@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`fmm-radiosity` in the repository's own environment."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+START = "import sys; from addon.standalone import main; status = main(); {after}; sys.exit(status)"
+
+
+@pytest.fixture
+def run(root):
+    """Runs the command; `after` is Python to run in the end."""
+
+    def run(*arguments, after="pass"):
+        command = [sys.executable, "-c", START.format(after=after), *map(str, arguments)]
+        return subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=600)
+
+    return run
+
+
+def test_help_needs_no_blender(run):
+    done = run("bake", "--help", after="assert 'bpy' not in sys.modules")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "--target-error" in done.stdout
+
+
+@pytest.mark.parametrize("arguments", [("bake", "-o", "x.blend"), ("bake", "a.blend", "-o", "b.blend", "-p", "99")])
+def test_bad_arguments_need_no_blender(run, arguments):
+    done = run(*arguments, after="assert 'bpy' not in sys.modules")
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+
+
+def test_missing_scene(run):
+    done = run("bake", "none.blend", "-o", "out.blend")
+    assert done.returncode == 1
+    assert done.stderr == "fmm-radiosity: error: cannot read 'none.blend': no such file\n"
+    assert done.stdout == ""
+
+
+def test_bake_of_an_example(run, root, tmp_path):
+    scene, out = root / "examples" / "cornell_empty.blend", tmp_path / "out.blend"
+    done = run("bake", scene, "-o", out, "--particles", "1", "--report", tmp_path / "out.json")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"{out}: ")
+    report = json.loads((tmp_path / "out.json").read_text())
+    assert report["version"] == 1
+    assert report["warnings"] == []
+    assert report["seconds"]["export"] > 0
+    assert report["seconds"]["total"] >= report["seconds"]["export"] + report["seconds"]["write"]
+    assert out.stat().st_size > 100_000
