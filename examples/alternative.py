@@ -11,7 +11,7 @@ WIDTH, DEPTH, HEIGHT, CELL = 6.0, 8.0, 4.0, 0.22
 PILLARS = [regular_polygon(x, y, 0.3, 20) for x in (-1.9, 1.9) for y in (1.6, 3.8, 6.0)]
 PEDESTAL = rectangle(0.0, 4.6, 1.0, 1.0)
 PANELS = {"Warm panel": rectangle(0.0, 2.4, 1.6, 0.8), "Cool panel": rectangle(0.0, 6.2, 1.6, 0.8)}
-RADIANCE = {"Warm panel": (14.0, 10.0, 6.0), "Cool panel": (7.0, 9.5, 13.0)}
+RADIANCE = {"Warm panel": (26.0, 19.0, 12.0), "Cool panel": (15.0, 20.0, 27.0)}
 
 
 def build() -> None:

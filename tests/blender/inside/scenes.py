@@ -2,6 +2,10 @@
 """Scenes to bake, and readers of what came out."""
 
 import bpy
+
+# isort: split
+# Exists only once bpy is loaded.
+import bmesh
 import numpy as np
 
 
@@ -49,6 +53,17 @@ class Build:
         faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
         faces = [tuple(reversed(face)) for face in faces] if inward else faces
         return self.object(name, vertices, faces, *materials, **options)
+
+    def ball(self, name, *materials, radius=0.3):
+        """A smooth sphere about the origin."""
+        ball = self.object(name, [], [], *materials)
+        edit = bmesh.new()
+        bmesh.ops.create_icosphere(edit, subdivisions=3, radius=radius)
+        for face in edit.faces:
+            face.smooth = True
+        edit.to_mesh(ball.data)
+        edit.free()
+        return ball
 
     def room(self):
         """A coloured floor, a cube on it, and a lamp above."""

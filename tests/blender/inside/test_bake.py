@@ -120,12 +120,16 @@ def test_attribute_is_active_and_rendered(build):
 def test_smooth_meshes_get_one_colour_a_vertex(build):
     build.room()
     grey, red = build.material("Grey"), build.material("Dark red", Color=(0.4, 0, 0))
-    build.cube("Smooth", grey, size=0.2, smooth=True).location = (2, 2, 1)
-    build.cube("Patched", grey, red, size=0.2, smooth=True, slots=[0, 0, 0, 1, 1, 1]).location = (-1, 2, 1)
+    build.ball("Smooth", grey).location = (2, 2, 1)
+    patched = build.ball("Patched", grey, red)
+    patched.location = (-1, 2, 1)
+    for face in list(patched.data.polygons)[::2]:
+        face.material_index = 1
     bpy.ops.fmm_radiosity.bake()
     assert bpy.data.meshes["Smooth"].color_attributes["Radiosity"].domain == "POINT"
     assert bpy.data.meshes["Patched"].color_attributes["Radiosity"].domain == "CORNER"
-    assert (baked(bpy.data.meshes["Smooth"])[:, :3] > 0).any(axis=1).all()
+    assert len(baked(bpy.data.meshes["Smooth"])) == len(bpy.data.meshes["Smooth"].vertices)
+    assert (baked(bpy.data.meshes["Smooth"])[:, 0] > 0).mean() > 0.9
 
 
 def test_cancelling_leaves_the_earlier_bake(build, fmm):
