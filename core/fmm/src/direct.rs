@@ -15,25 +15,79 @@ const ROWS: usize = 4;
 const TILE_ROWS: usize = 64;
 const TILE_SOURCES: usize = 512;
 
-/// The point sources of a direct sum, one array a component.
+/// The point sources of a direct sum, one array a component, in groups that start on a register's boundary.
 #[derive(Debug, Clone)]
 pub struct Sources {
     count: usize,
-    y: [Vec<f64>; 3],
-    n_y: [Vec<f64>; 3],
+    /// Sources of each group, as the caller numbers them.
+    groups: Vec<Range<usize>>,
+    /// The same groups in the padded arrays.
+    parts: Vec<Range<usize>>,
+    y: Columns,
+    n_y: Columns,
     softening: Vec<f64>,
 }
 
+/// Three components, padded.
+type Columns = [Vec<f64>; 3];
+
+/// Strengths of sources in their padded places.
+pub struct Strengths(Columns);
+
 impl Sources {
-    /// Sources at `positions` with unit `normals`; `softening` is the squared distance below which each one's
-    /// kernel stops growing (see [`crate::kernel`]).
+    /// Sources at `positions` with unit `normals`, in one group; `softening` is the squared distance below which each
+    /// one's kernel stops growing (see [`crate::kernel`]).
     pub fn new(positions: &[[f64; 3]], normals: &[[f64; 3]], softening: &[f64]) -> Result<Self, Error> {
+        let all = 0..positions.len();
+        Self::grouped(positions, normals, softening, Vec::from([all]))
+    }
+
+    /// The same in several groups, each a range of sources; groups may be empty.
+    pub fn grouped(
+        positions: &[[f64; 3]],
+        normals: &[[f64; 3]],
+        softening: &[f64],
+        groups: Vec<Range<usize>>,
+    ) -> Result<Self, Error> {
         same_length("source normals", positions.len(), normals.len())?;
         same_length("source softening", positions.len(), softening.len())?;
+        let mut parts = Vec::with_capacity(groups.len());
+        let mut end = 0;
+        for group in &groups {
+            if group.end > positions.len() {
+                return Err(Error::Index { what: "source group", index: group.end, count: positions.len() });
+            }
+            parts.push(end..end + group.len().next_multiple_of(LANES));
+            end += group.len().next_multiple_of(LANES);
+        }
         // Padding has softening 1: its kernel is finite, and its strength is zero.
-        let mut padded = softening.to_vec();
-        padded.resize(softening.len().next_multiple_of(LANES), 1.0);
-        Ok(Sources { count: positions.len(), y: columns(positions), n_y: columns(normals), softening: padded })
+        Ok(Sources {
+            count: positions.len(),
+            y: columns(positions, &groups),
+            n_y: columns(normals, &groups),
+            softening: padded(&groups, 1.0, |j| softening[j]),
+            groups,
+            parts,
+        })
+    }
+
+    /// Strengths (N, 3) in their padded places.
+    pub fn strengths(&self, strengths: &[[f64; 3]]) -> Strengths {
+        Strengths(columns(strengths, &self.groups))
+    }
+
+    /// Adds to `irradiance` what the sources of some groups send to a few receivers.
+    pub fn add_groups(
+        &self,
+        points: &[[f64; 3]],
+        normals: &[[f64; 3]],
+        groups: &[u32],
+        strengths: &Strengths,
+        irradiance: &mut [[f64; 3]],
+    ) {
+        for &group in groups {
+            self.add_part(points, normals, &self.parts[group as usize], strengths, None, irradiance);
+        }
     }
 
     pub fn len(&self) -> usize {
@@ -65,40 +119,60 @@ impl Sources {
         if let Some(bits) = visible {
             same_length("visibility words", points.len() * self.words(), bits.len())?;
         }
-        let (q, words, arch) = (columns(strengths), self.words(), Arch::new());
+        let (strengths, words) = (self.strengths(strengths), self.words());
         let mut irradiance = vec![[0.0; 3]; points.len()];
         irradiance.par_chunks_mut(TILE_ROWS).enumerate().for_each(|(tile, out)| {
+            let rows = tile * TILE_ROWS..tile * TILE_ROWS + out.len();
             for first in (0..self.softening.len()).step_by(TILE_SOURCES) {
                 let part = first..(first + TILE_SOURCES).min(self.softening.len());
-                for (group, out) in out.chunks_mut(ROWS).enumerate() {
-                    // A short last group repeats its last receiver, whose sum is then not taken.
-                    let row = |i: usize| tile * TILE_ROWS + group * ROWS + i.min(out.len() - 1);
-                    let rows = [0, 1, 2, 3].map(row);
-                    let sums = arch.dispatch(Sum {
-                        x: rows.map(|row| points[row]),
-                        n_x: rows.map(|row| normals[row]),
-                        sources: self,
-                        q: &q,
-                        part: part.clone(),
-                        bits: visible.map(|bits| rows.map(|row| &bits[row * words..(row + 1) * words])),
-                    });
-                    for (out, sum) in out.iter_mut().zip(sums) {
-                        *out = [out[0] + sum[0], out[1] + sum[1], out[2] + sum[2]];
-                    }
-                }
+                let bits = visible.map(|bits| &bits[rows.start * words..rows.end * words]);
+                self.add_part(&points[rows.clone()], &normals[rows.clone()], &part, &strengths, bits, out);
             }
         });
         Ok(irradiance)
     }
+
+    fn add_part(
+        &self,
+        points: &[[f64; 3]],
+        normals: &[[f64; 3]],
+        part: &Range<usize>,
+        strengths: &Strengths,
+        visible: Option<&[u64]>,
+        irradiance: &mut [[f64; 3]],
+    ) {
+        let (arch, words) = (Arch::new(), self.words());
+        for (group, out) in irradiance.chunks_mut(ROWS).enumerate() {
+            // A short last group repeats its last receiver, whose sum is then not taken.
+            let rows = [0, 1, 2, 3].map(|i: usize| group * ROWS + i.min(out.len() - 1));
+            let sums = arch.dispatch(Sum {
+                x: rows.map(|row| points[row]),
+                n_x: rows.map(|row| normals[row]),
+                sources: self,
+                q: &strengths.0,
+                part: part.clone(),
+                bits: visible.map(|bits| rows.map(|row| &bits[row * words..(row + 1) * words])),
+            });
+            for (out, sum) in out.iter_mut().zip(sums) {
+                *out = [out[0] + sum[0], out[1] + sum[1], out[2] + sum[2]];
+            }
+        }
+    }
 }
 
 /// One padded array a component.
-fn columns(rows: &[[f64; 3]]) -> [Vec<f64>; 3] {
-    [0, 1, 2].map(|axis| {
-        let mut column: Vec<f64> = rows.iter().map(|row| row[axis]).collect();
-        column.resize(rows.len().next_multiple_of(LANES), 0.0);
-        column
-    })
+fn columns(rows: &[[f64; 3]], groups: &[Range<usize>]) -> Columns {
+    [0, 1, 2].map(|axis| padded(groups, 0.0, |j| rows[j][axis]))
+}
+
+/// The values of all groups, each padded to whole registers.
+fn padded(groups: &[Range<usize>], padding: f64, value: impl Fn(usize) -> f64) -> Vec<f64> {
+    let mut column = Vec::new();
+    for group in groups {
+        column.extend(group.clone().map(&value));
+        column.resize(column.len().next_multiple_of(LANES), padding);
+    }
+    column
 }
 
 /// For each byte of visibility bits its eight factors, 0 or 1.
@@ -121,7 +195,7 @@ struct Sum<'a> {
     x: [[f64; 3]; ROWS],
     n_x: [[f64; 3]; ROWS],
     sources: &'a Sources,
-    q: &'a [Vec<f64>; 3],
+    q: &'a Columns,
     part: Range<usize>,
     bits: Option<[&'a [u64]; ROWS]>,
 }
