@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     import bpy
 
 
+# Stands for names in a remark; no name in Blender holds it.
+_OBJECTS = "\0"
+
+
 @dataclass(frozen=True)
 class Receiver:
     """One mesh datablock that gets colours.
@@ -150,7 +154,7 @@ class _Reader:
                 self.surfaces[material] = materials.read_material(material)
             surfaces.append(self.surfaces[material])
             for text in surfaces[-1].remarks:
-                self.remark(f"material '{material.name}' on object {{}}: {text}", obj.name)
+                self.remark(f"material '{material.name}' on object {_OBJECTS}: {text}", obj.name)
         slot = np.minimum(mesh.face_material, len(surfaces) - 1)
         albedo = np.array([surface.albedo for surface in surfaces], np.float64)
         emission = np.array([surface.emission for surface in surfaces], np.float64)
@@ -222,7 +226,7 @@ class _Reader:
             self.parts.setdefault(name, []).append(rows)
 
     def remark(self, text: str, obj: str | None = None) -> None:
-        """Keep a warning; the objects that share one are named together in place of its '{}'."""
+        """Keep a warning; the objects that share one are named together in place of _OBJECTS."""
         objects = self.remarks.setdefault(text, [])
         if obj is not None and obj not in objects:
             objects.append(obj)
@@ -231,7 +235,7 @@ class _Reader:
         """Put the parts together, after checking that there is something to bake."""
         scene = self.depsgraph.scene
         self.add_scene_remarks(scene)
-        warnings = tuple(text.format(_list(names)) if names else text for text, names in self.remarks.items())
+        warnings = tuple(text.replace(_OBJECTS, _list(names)) for text, names in self.remarks.items())
         because = f" ({'; '.join(warnings)})" if warnings else ""
         if not self.meshes:
             raise Error(f"scene '{scene.name}' has no mesh that a render would show{because}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs tests/blender on the oldest, the middle and the newest Blender: uv run tools/run_blender_tests.py [version]
+"""Runs tests/blender/test_extension.py on the oldest, the middle and the newest Blender: uv run tools/run_blender_tests.py [version]
 
 Each gets an environment of its own under .venvs, about 1 GB, which is kept. All of them install the same zip.
 """
@@ -39,7 +39,7 @@ def passes(version: str, archive: Path) -> bool:
     """Run the tests on one version."""
     print(f"bpy {version}", flush=True)
     environment = os.environ | {"FMM_RADIOSITY_ZIP": str(archive), "FMM_RADIOSITY_PYTHON": str(python(version))}
-    tests = str(ROOT / "tests" / "blender")
+    tests = str(ROOT / "tests" / "blender" / "test_extension.py")
     return subprocess.run([sys.executable, "-m", "pytest", "-q", tests], cwd=ROOT, env=environment).returncode == 0
 
 

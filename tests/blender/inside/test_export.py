@@ -173,13 +173,13 @@ def test_lamps_and_world_are_named(build, read):
 
 def test_texture_is_named_and_not_black(build, read):
     build.quad("Lamp", build.light())
-    wood = build.material("Wood", "ShaderNodeBsdfPrincipled", Base_Color=(0.3, 0.4, 0.5))
+    wood = build.material("Wood {1}", "ShaderNodeBsdfPrincipled", Base_Color=(0.3, 0.4, 0.5))
     tree = wood.node_tree
     shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
     tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs["Color"], shader.inputs["Base Color"])
     build.quad("Plank", wood, z=1)
     arrays = read()
-    assert warned(arrays, "material 'Wood'", "'Plank'", "Base Color")
+    assert warned(arrays, "material 'Wood {1}'", "'Plank'", "Base Color")
     assert arrays.albedo[-1] == pytest.approx((0.3, 0.4, 0.5))
 
 
