@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs tests/blender/test_extension.py on the oldest, the middle and the newest Blender: uv run tools/run_blender_tests.py [version]
+"""Runs tests/blender/test_extension.py on three Blenders: uv run tools/run_blender_tests.py [version]
 
 Each gets an environment of its own under .venvs, about 1 GB, which is kept. All of them install the same zip.
 """
