@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import fmm_core
 import numpy as np
-from fmm_core.scene import MAX_ALBEDO
 
 from . import attributes, export
 
@@ -74,7 +73,7 @@ def compute(data: Input, settings: fmm_core.Settings, progress: Progress | None 
 
 def outgoing_radiance(arrays: export.SceneArrays, irradiance: np.ndarray) -> np.ndarray:
     """Radiance (C,3) of diffuse corners that receive irradiance (C,3) in W/m^2: (emission + albedo irradiance) / pi."""
-    return (arrays.corner_emission + np.minimum(arrays.corner_albedo, MAX_ALBEDO) * irradiance) / math.pi
+    return (arrays.corner_emission + np.minimum(arrays.corner_albedo, fmm_core.MAX_ALBEDO) * irradiance) / math.pi
 
 
 def write(result: Result) -> dict:

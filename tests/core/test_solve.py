@@ -125,3 +125,25 @@ def test_corners_with_one_vertex_and_one_normal_are_one_output_point():
     assert points.points[points.inverse] == pytest.approx(grid[corners], abs=1e-3)
     assert points.points[points.inverse[2]] == pytest.approx([1, 1, 0])
     assert points.points[points.inverse[0]] == pytest.approx([0.0005, 0.0005, 0])
+
+
+def test_smooth_convex_mesh_is_lit_at_every_vertex_and_a_smooth_hollow_one_keeps_the_furnace():
+    ball = shapes.sphere(0.3, 2) + [0.5, 0.5, 0.5]
+    triangles = np.concatenate([CUBE, ball])
+    emission = np.where(np.arange(len(triangles)) < 12, 1.0, 0.0)
+    outside = fmm_core.solve(fmm_core.Scene(triangles, 0.0, emission), SMALL)
+    corners = ball.reshape(-1, 3)
+    _, vertices = np.unique(corners.round(9), axis=0, return_inverse=True)
+    smooth = (corners - 0.5) / 0.3
+    out = fmm_core.output_points(corners, smooth, vertices.ravel(), np.repeat(ball.mean(axis=1), 3, axis=0))
+    assert len(out.points) == 66
+    # What the ball hides of itself below the horizon of a smooth normal on flat faces stays small.
+    assert outside.irradiance(out.points, out.normals).min() > 0.9
+
+    inward = ball[:, ::-1]
+    hollow = fmm_core.solve(fmm_core.Scene(inward, 0.5, 1.0), SMALL)
+    centres = np.repeat(inward.mean(axis=1), 3, axis=0)
+    corners = inward.reshape(-1, 3)
+    _, vertices = np.unique(corners.round(9), axis=0, return_inverse=True)
+    out = fmm_core.output_points(corners, (0.5 - corners) / 0.3, vertices.ravel(), centres)
+    assert hollow.irradiance(out.points, out.normals) == pytest.approx(2.0, rel=2e-3)

@@ -3,9 +3,19 @@
 
 from .errors import Cancelled, Error
 from .evaluation import OutputPoints, output_points
-from .scene import Scene
+from .scene import MAX_ALBEDO, Scene
 from .settings import Settings
 from .solution import Solution
 from .solver import solve
 
-__all__ = ["Cancelled", "Error", "OutputPoints", "Scene", "Settings", "Solution", "output_points", "solve"]
+__all__ = [
+    "MAX_ALBEDO",
+    "Cancelled",
+    "Error",
+    "OutputPoints",
+    "Scene",
+    "Settings",
+    "Solution",
+    "output_points",
+    "solve",
+]

@@ -27,8 +27,9 @@ def output_points(
     """One output point for all corners with the same vertex and normal.
 
     positions, normals (C, 3) of each corner; vertices (C,) an integer for each vertex of the scene; face_centres
-    (C, 3) of the corner's face. A point is stepped a little from the vertex towards the mean of its faces' centres,
-    because at a crease, a rim or a contact the vertex itself lies on several surfaces.
+    (C, 3) of the corner's face. At a crease, a rim or a contact the vertex itself lies on several surfaces, so a
+    point is stepped a little from it: along its tangent plane towards the mean of its faces' centres, and along its
+    normal as far as the highest of those centres, so that its own faces never cover it.
     """
     positions, normals = np.asarray(positions, np.float64), np.asarray(normals, np.float64)
     vertices, face_centres = np.asarray(vertices, np.int64), np.asarray(face_centres, np.float64)
@@ -41,5 +42,10 @@ def output_points(
         return np.stack([np.bincount(inverse, values[:, axis]) for axis in range(3)], axis=1) / counts
 
     points, directions = mean(positions), mean(normals)
-    points += STEP * (mean(face_centres) - points)
-    return OutputPoints(points, directions / np.linalg.norm(directions, axis=1, keepdims=True), inverse)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    inward = mean(face_centres) - points
+    inward -= directions * (inward * directions).sum(axis=1, keepdims=True)
+    height = np.zeros(len(points))
+    np.maximum.at(height, inverse, ((face_centres - positions) * directions[inverse]).sum(axis=1))
+    points += STEP * (inward + directions * height[:, None])
+    return OutputPoints(points, directions, inverse)

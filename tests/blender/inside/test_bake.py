@@ -129,7 +129,9 @@ def test_smooth_meshes_get_one_colour_a_vertex(build):
     assert bpy.data.meshes["Smooth"].color_attributes["Radiosity"].domain == "POINT"
     assert bpy.data.meshes["Patched"].color_attributes["Radiosity"].domain == "CORNER"
     assert len(baked(bpy.data.meshes["Smooth"])) == len(bpy.data.meshes["Smooth"].vertices)
-    assert (baked(bpy.data.meshes["Smooth"])[:, 0] > 0).mean() > 0.9
+    # The lower half sees the floor, which is lit.
+    lower = [vertex.co.z < -0.1 for vertex in bpy.data.meshes["Smooth"].vertices]
+    assert (baked(bpy.data.meshes["Smooth"])[lower] > 0).all()
 
 
 def test_cancelling_leaves_the_earlier_bake(build, fmm):
