@@ -6,6 +6,8 @@ use crate::form_factor::{Clipped, faces};
 use crate::kernel;
 use glam::DVec3;
 use rayon::prelude::*;
+use rstar::RTree;
+use rstar::primitives::{GeomWithData, Rectangle};
 
 /// Patches near each receiver, as compressed rows: the entries of receiver i are `starts[i]..starts[i + 1]`.
 #[derive(Debug, Clone, Default)]
@@ -34,14 +36,18 @@ impl NearField {
         same_length("receiver normals", points.len(), normals.len())?;
         same_length("patch reach", patches.triangles.len(), patches.reach.len())?;
         let triangles: Vec<[DVec3; 3]> = patches.triangles.iter().map(|t| t.map(DVec3::from)).collect();
-        let centroids: Vec<DVec3> = triangles.iter().map(|[a, b, c]| (a + b + c) / 3.0).collect();
+        let reaches =
+            triangles.iter().zip(patches.reach).zip(0..).map(|((t, &reach), q)| within(t, reach, q)).collect();
+        let reaches = RTree::bulk_load(reaches);
         let rows: Vec<Vec<(u32, f64, [f64; 3])>> = points
             .par_iter()
             .zip(normals)
             .map(|(&x, &n_x)| {
+                let mut near: Vec<u32> = reaches.locate_all_at_point(&x).map(|reach| reach.data).collect();
+                near.sort_unstable();
                 let (x, n_x) = (DVec3::from(x), DVec3::from(n_x));
-                let near = |q: &usize| centroids[*q].distance_squared(x) < patches.reach[*q] * patches.reach[*q];
-                (0..triangles.len()).filter(near).filter_map(|q| entry(x, n_x, q, &triangles[q])).collect()
+                let is_near = |q: &u32| centroid(&triangles[*q as usize]).distance(x) < patches.reach[*q as usize];
+                near.into_iter().filter(is_near).filter_map(|q| entry(x, n_x, q, &triangles[q as usize])).collect()
             })
             .collect();
         Ok(Self::from_rows(&rows))
@@ -61,13 +67,23 @@ impl NearField {
     }
 }
 
-fn entry(x: DVec3, n_x: DVec3, q: usize, triangle: &[DVec3; 3]) -> Option<(u32, f64, [f64; 3])> {
+/// The box around all points within reach of a patch.
+fn within(triangle: &[DVec3; 3], reach: f64, patch: u32) -> GeomWithData<Rectangle<[f64; 3]>, u32> {
+    let centre = centroid(triangle);
+    GeomWithData::new(Rectangle::from_corners((centre - reach).into(), (centre + reach).into()), patch)
+}
+
+fn centroid([a, b, c]: &[DVec3; 3]) -> DVec3 {
+    (a + b + c) / 3.0
+}
+
+fn entry(x: DVec3, n_x: DVec3, q: u32, triangle: &[DVec3; 3]) -> Option<(u32, f64, [f64; 3])> {
     if !faces(x, triangle) {
         return None;
     }
     let clipped = Clipped::new(x, n_x, triangle);
     let form_factor = clipped.form_factor(n_x);
-    (form_factor > 0.0).then(|| (q as u32, form_factor, (x + clipped.centre()).into()))
+    (form_factor > 0.0).then(|| (q, form_factor, (x + clipped.centre()).into()))
 }
 
 /// What has to be added to the direct sum so that near patches count with their exact form factors: a sparse matrix

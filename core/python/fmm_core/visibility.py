@@ -27,7 +27,7 @@ finally:
 #: Distance between a surface and the end of a ray, in half scene sizes: some ten times embree's rounding error.
 OFFSET = 2e-6
 #: Receivers and sources are taken in blocks of about this many pairs.
-BLOCK_PAIRS = 4_000_000
+BLOCK_PAIRS = 1_000_000
 
 
 class Occlusion:
