@@ -71,13 +71,30 @@ def test_progress_rises_and_cancels():
     fractions = [fraction for fraction, _ in calls]
     assert fractions == sorted(fractions)
     assert 0 < fractions[0] <= fractions[-1] <= 1
+
+
+@pytest.mark.parametrize("answer", [False, 0, np.False_])
+def test_a_false_answer_cancels_solve_and_gather_before_their_end(answer):
+    scene = fmm_core.Scene(CUBE, 0.5, 1.0)
     with pytest.raises(fmm_core.Cancelled):
-        fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), SMALL, lambda fraction, text: False)
+        fmm_core.solve(scene, SMALL, lambda fraction, text: answer)
+    solution = fmm_core.solve(scene, fmm_core.Settings(particles=3000))
+    seen = []
+
+    def progress(fraction, text):
+        seen.append(fraction)
+        return answer
+
+    with pytest.raises(fmm_core.Cancelled):
+        solution.irradiance(*shapes.random_points(CUBE, 2000), progress=progress)
+    assert len(seen) == 1
+    assert seen[0] < 0.5
 
 
 def test_residuals_fall_and_the_cap_is_reported():
     report = fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), SMALL).report
     assert report["residuals"] == sorted(report["residuals"], reverse=True)
+    assert report["residuals"][-1] < 1e-4
     assert report["warnings"] == []
     capped = fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), fmm_core.Settings(particles=300, max_iterations=2))
     assert len(capped.report["residuals"]) == 2
@@ -102,7 +119,9 @@ def test_report_is_json_with_the_fixed_keys():
 @pytest.mark.parametrize(
     ("points", "normals", "message"),
     [
-        ([[0, 0]], [[0, 0, 1]], r"points: expected shape \(M, 3\)"),
+        ("abc", [[0, 0, 1]], "points: expected numbers"),
+        ([[0, 0, 0], [0]], [[0, 0, 1]], "points: expected numbers"),
+        ([[0, 0]], [[0, 0, 1]], r"points: expected shape \(N, 3\)"),
         ([[0, 0, np.nan]], [[0, 0, 1]], "points: row 0 is"),
         ([[0, 0, 0]], [[0, 0, 0]], "normals: row 0 has no direction"),
         ([[0, 0, 0]], [[0, 0, 1], [0, 0, 1]], "normals: expected 1 rows"),
@@ -123,8 +142,75 @@ def test_corners_with_one_vertex_and_one_normal_are_one_output_point():
     points = fmm_core.output_points(grid[corners], up, corners, centres)
     assert len(points.points) == 9
     assert points.points[points.inverse] == pytest.approx(grid[corners], abs=1e-3)
-    assert points.points[points.inverse[2]] == pytest.approx([1, 1, 0])
     assert points.points[points.inverse[0]] == pytest.approx([0.0005, 0.0005, 0])
+
+
+def test_output_point_of_a_reentrant_fan_stays_on_its_own_faces():
+    # Three quarters of a floor around a block's corner at the origin; the mean of the faces would lie in the block.
+    centres = np.array([[-0.5, 0.5, 0], [-0.5, -0.5, 0], [0.5, -0.5, 0]])
+    up = np.tile([0.0, 0.0, 1.0], (3, 1))
+    (point,) = fmm_core.output_points(np.zeros((3, 3)), up, [7, 7, 7], centres).points
+    assert point[0] < 0 or point[1] < 0
+
+
+def test_bent_quad_is_lit_at_all_its_corners():
+    # Flat shading of a quad folded along its diagonal: two triangles, one normal.
+    corners = np.array([[0, 0, 0], [1, 0, -0.4], [1, 1, 0], [0, 1, -0.4]])
+    quad = corners[[[0, 1, 2], [0, 2, 3]]]
+    lamp = shapes.quad([-2, -2, 3], [-2, 3, 3], [3, 3, 3], [3, -2, 3])
+    triangles = np.concatenate([quad, lamp])
+    scene = fmm_core.Scene(triangles, 0.0, np.array([0, 0, 1.0, 1.0]))
+    normal = np.tile([0.0, 0.0, 1.0], (4, 1))
+    centres = quad.mean(axis=1)[[0, 0, 1, 1]]
+    out = fmm_core.output_points(corners, normal, np.arange(4), centres)
+    irradiance = fmm_core.solve(scene, SMALL).irradiance(out.points, out.normals)[:, 0]
+    assert irradiance.min() > 0.8 * irradiance.max() > 0.2
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        (([[0, 0, 0]], [[0, 0, 0]], [0], [[1, 0, 0]]), "normals: row 0 has no direction"),
+        (([[0, 0, 0]], [[0, 0, 1]], [0, 1], [[1, 0, 0]]), "differ in length"),
+        (([[0, 0, np.inf]], [[0, 0, 1]], [0], [[1, 0, 0]]), "positions: row 0 is"),
+    ],
+)
+def test_wrong_corners_are_refused(arrays, message):
+    with pytest.raises(fmm_core.Error, match=message):
+        fmm_core.output_points(*arrays)
+
+
+def test_no_corners_give_no_output_points():
+    assert len(fmm_core.output_points([], [], [], []).points) == 0
+
+
+def test_dim_colours_and_dim_rooms_converge_like_bright_ones():
+    colours = fmm_core.Scene(CUBE, albedo=np.tile([0, 0, 0.9], (12, 1)), emission=np.tile([1e4, 0, 1.0], (12, 1)))
+    points = shapes.random_points(CUBE, 2)
+    blue = 1 + 0.9 * fmm_core.solve(colours, SMALL).irradiance(*points)[:, 2]
+    assert blue == pytest.approx(10.0, rel=2e-3)
+
+    bright = np.arange(24) < 12
+    rooms = np.concatenate([CUBE + np.array([5.0, 0, 0]), CUBE])
+    scene = fmm_core.Scene(rooms, np.where(bright, 0.0, 0.9), np.where(bright, 1e4, 1.0))
+    dim = 1 + 0.9 * fmm_core.solve(scene, fmm_core.Settings(particles=800)).irradiance(*points)
+    assert dim == pytest.approx(10.0, rel=5e-3)
+
+
+def test_more_particles_than_memory_can_pair_are_refused_in_one_line():
+    with pytest.raises(fmm_core.Error, match=r"particles: the direct method with \d+ of them takes \d+ GiB"):
+        fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), fmm_core.Settings(particles=2_000_000))
+
+
+@pytest.mark.parametrize("arguments", [(None,), (CUBE,), ("scene", {})])
+def test_solve_wants_a_scene_and_settings(arguments):
+    with pytest.raises(fmm_core.Error, match="expected a Scene and Settings"):
+        fmm_core.solve(*arguments)
+
+
+def test_target_error_is_named_while_it_is_not_used():
+    report = fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), fmm_core.Settings(particles=100, target_error=0.01)).report
+    assert report["warnings"] == ["target_error 0.01 is not used yet"]
 
 
 def test_smooth_convex_mesh_is_lit_at_every_vertex_and_a_smooth_hollow_one_keeps_the_furnace():

@@ -4,9 +4,7 @@
 use crate::arrays::{flat, table, triangles, triples, value_error, vector};
 use fmm::near_field::{Patches, PointSources};
 use fmm::rays::{FacingRays, Frame, Oriented};
-use numpy::{
-    PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1, PyUntypedArrayMethods,
-};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1};
 use pyo3::prelude::*;
 
 type Points<'py> = PyReadonlyArray2<'py, f64>;
@@ -114,11 +112,6 @@ impl NearField {
         vector(py, self.near.patches.clone())
     }
 
-    /// (K) exact form factor of each entry, without occlusion.
-    fn form_factors<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        vector(py, self.near.form_factors.clone())
-    }
-
     /// (K, 3) where a ray from the receiver should end.
     fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         table(py, self.near.targets.clone())
@@ -208,21 +201,4 @@ pub fn mark_visible(
 pub fn symmetrise(py: Python, mut bits: PyReadwriteArray1<u64>, count: usize) -> PyResult<()> {
     let bits = bits.as_slice_mut().map_err(value_error)?;
     py.detach(|| fmm::rays::symmetrise(bits, count)).map_err(value_error)
-}
-
-/// Exact form factors (M,) from points to the fronts of triangles, row by row.
-#[pyfunction]
-pub fn form_factors<'py>(
-    py: Python<'py>,
-    points: Points,
-    normals: Points,
-    patches: PyReadonlyArray3<f64>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
-    let patches_of = triangles(&patches)?;
-    if points.len() != normals.len() || points.len() != patches.shape()[0] {
-        return Err(value_error("form_factors: points, normals and triangles differ in length"));
-    }
-    let factors = (0..points.len()).map(|i| fmm::form_factor::point_to_triangle(points[i], normals[i], &patches_of[i]));
-    Ok(vector(py, factors.collect()))
 }

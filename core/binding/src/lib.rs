@@ -3,6 +3,7 @@
 
 mod arrays;
 mod direct;
+mod fmm;
 
 use pyo3::prelude::*;
 
@@ -11,9 +12,10 @@ fn _binding(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<direct::Sources>()?;
     module.add_class::<direct::NearField>()?;
     module.add_class::<direct::Correction>()?;
+    module.add_class::<fmm::Fmm>()?;
+    module.add_function(wrap_pyfunction!(fmm::error_bound, module)?)?;
     module.add_function(wrap_pyfunction!(direct::facing_rays, module)?)?;
     module.add_function(wrap_pyfunction!(direct::mark_visible, module)?)?;
     module.add_function(wrap_pyfunction!(direct::symmetrise, module)?)?;
-    module.add_function(wrap_pyfunction!(direct::form_factors, module)?)?;
     Ok(())
 }

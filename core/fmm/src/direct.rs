@@ -85,9 +85,8 @@ impl Sources {
         strengths: &Strengths,
         irradiance: &mut [[f64; 3]],
     ) {
-        for &group in groups {
-            self.add_part(points, normals, &self.parts[group as usize], strengths, None, irradiance);
-        }
+        let parts: Vec<Range<usize>> = groups.iter().map(|&group| self.parts[group as usize].clone()).collect();
+        self.add_parts(points, normals, &parts, strengths, None, irradiance);
     }
 
     pub fn len(&self) -> usize {
@@ -126,17 +125,18 @@ impl Sources {
             for first in (0..self.softening.len()).step_by(TILE_SOURCES) {
                 let part = first..(first + TILE_SOURCES).min(self.softening.len());
                 let bits = visible.map(|bits| &bits[rows.start * words..rows.end * words]);
-                self.add_part(&points[rows.clone()], &normals[rows.clone()], &part, &strengths, bits, out);
+                let (points, normals) = (&points[rows.clone()], &normals[rows.clone()]);
+                self.add_parts(points, normals, std::slice::from_ref(&part), &strengths, bits, out);
             }
         });
         Ok(irradiance)
     }
 
-    fn add_part(
+    fn add_parts(
         &self,
         points: &[[f64; 3]],
         normals: &[[f64; 3]],
-        part: &Range<usize>,
+        parts: &[Range<usize>],
         strengths: &Strengths,
         visible: Option<&[u64]>,
         irradiance: &mut [[f64; 3]],
@@ -150,7 +150,7 @@ impl Sources {
                 n_x: rows.map(|row| normals[row]),
                 sources: self,
                 q: &strengths.0,
-                part: part.clone(),
+                parts,
                 bits: visible.map(|bits| rows.map(|row| &bits[row * words..(row + 1) * words])),
             });
             for (out, sum) in out.iter_mut().zip(sums) {
@@ -190,13 +190,13 @@ static FACTORS: [[f64; LANES]; 256] = {
     table
 };
 
-/// The sum over a part of the sources for a few receivers at once.
+/// The sum over some parts of the sources for a few receivers at once.
 struct Sum<'a> {
     x: [[f64; 3]; ROWS],
     n_x: [[f64; 3]; ROWS],
     sources: &'a Sources,
     q: &'a Columns,
-    part: Range<usize>,
+    parts: &'a [Range<usize>],
     bits: Option<[&'a [u64]; ROWS]>,
 }
 
@@ -205,18 +205,18 @@ impl WithSimd for Sum<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-        let part = self.part.clone();
-        let y = self.sources.y.each_ref().map(|column| S::as_simd_f64s(&column[part.clone()]).0);
-        let n_y = self.sources.n_y.each_ref().map(|column| S::as_simd_f64s(&column[part.clone()]).0);
-        let q = self.q.each_ref().map(|column| S::as_simd_f64s(&column[part.clone()]).0);
-        let softening = S::as_simd_f64s(&self.sources.softening[part.clone()]).0;
+        let y = self.sources.y.each_ref().map(|column| S::as_simd_f64s(column).0);
+        let n_y = self.sources.n_y.each_ref().map(|column| S::as_simd_f64s(column).0);
+        let q = self.q.each_ref().map(|column| S::as_simd_f64s(column).0);
+        let softening = S::as_simd_f64s(&self.sources.softening).0;
         let x = self.x.map(|x| x.map(|c| simd.splat_f64s(c)));
         let n_x = self.n_x.map(|n| n.map(|c| simd.splat_f64s(c)));
         let zero = simd.splat_f64s(0.0);
         let per_byte = LANES / S::F64_LANES.min(LANES);
         let mut sums = [[zero; 3]; ROWS];
-        for v in 0..softening.len() {
-            let seen = self.bits.map(|rows| rows.map(|row| byte(row, part.start / LANES + v / per_byte)));
+        let vectors = |part: &Range<usize>| part.start / LANES * per_byte..part.end / LANES * per_byte;
+        for v in self.parts.iter().flat_map(vectors) {
+            let seen = self.bits.map(|rows| rows.map(|row| byte(row, v / per_byte)));
             if seen == Some([0; ROWS]) {
                 continue;
             }

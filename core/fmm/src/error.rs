@@ -1,14 +1,26 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! What can be wrong with the input, said with the offending values.
 
+use crate::lists::ListsError;
+use crate::octree::OctreeError;
 use std::fmt;
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum Error {
     /// Two arrays that describe the same things differ in length.
-    Length { what: &'static str, expected: usize, found: usize },
+    Length {
+        what: &'static str,
+        expected: usize,
+        found: usize,
+    },
     /// An index points past the end of what it indexes.
-    Index { what: &'static str, index: usize, count: usize },
+    Index {
+        what: &'static str,
+        index: usize,
+        count: usize,
+    },
+    Octree(OctreeError),
+    Lists(ListsError),
 }
 
 impl fmt::Display for Error {
@@ -16,11 +28,25 @@ impl fmt::Display for Error {
         match self {
             Error::Length { what, expected, found } => write!(f, "{what}: expected {expected} rows, found {found}"),
             Error::Index { what, index, count } => write!(f, "{what}: index {index} is out of range for {count}"),
+            Error::Octree(error) => error.fmt(f),
+            Error::Lists(error) => error.fmt(f),
         }
     }
 }
 
 impl std::error::Error for Error {}
+
+impl From<OctreeError> for Error {
+    fn from(error: OctreeError) -> Self {
+        Error::Octree(error)
+    }
+}
+
+impl From<ListsError> for Error {
+    fn from(error: ListsError) -> Self {
+        Error::Lists(error)
+    }
+}
 
 /// Fails unless `found` rows of `what` are as many as `expected`.
 pub fn same_length(what: &'static str, expected: usize, found: usize) -> Result<(), Error> {

@@ -1,13 +1,29 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Diffuse light transport between particles: the direct sum, exact form factors for near triangles, and their
-//! corrections. Positions and normals are `&[[f64; 3]]`, colours are `[red, green, blue]`, lengths are in the
-//! caller's unit throughout.
+//! Diffuse light transport between particles: the fast multipole method, the direct sum that judges it, and exact form
+//! factors for near triangles. Positions and normals are `&[[f64; 3]]`, colours are `[red, green, blue]`, lengths are in
+//! the caller's unit throughout.
 
 pub mod direct;
+pub mod driver;
 pub mod error;
+pub mod expansion;
+pub mod facing;
 pub mod form_factor;
+pub mod lists;
+mod lists_batches;
+mod lists_traversal;
 pub mod near_field;
+pub mod octree;
+mod octree_build;
+mod octree_check;
+mod octree_error;
+mod octree_grid;
+mod octree_normals;
+mod octree_points;
+mod passes;
 pub mod rays;
+mod translations;
+mod vector;
 
 pub use error::Error;
 

@@ -33,6 +33,7 @@ class Report:
         self.counts = dict.fromkeys(COUNTS, 0)
         self.seconds = dict.fromkeys(PHASES, 0.0)
         self.residuals: list[float] = []
+        self.error: dict[str, Any] = {"measured_rms": None, "measured_max": None, "probes": 0, "bound": None}
         self.warnings = list(scene.warnings)
 
     @contextmanager
@@ -55,7 +56,7 @@ class Report:
             "seconds": {**self.seconds, "total": sum(self.seconds.values())},
             "peak_memory_mib": peak_memory_mib(),
             "residuals": list(self.residuals),
-            "error": {"measured_rms": None, "measured_max": None, "probes": 0, "bound": None},
+            "error": dict(self.error),
             "warnings": list(self.warnings),
         }
 

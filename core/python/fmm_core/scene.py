@@ -4,10 +4,13 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arrays import numbers
 from .errors import Error
 
 #: Artists set albedo to 1 all the time; light would then never die out.
 MAX_ALBEDO = 0.999
+#: Beyond this the squares and products of coordinates overflow.
+LARGEST = 1e60
 
 
 class Scene:
@@ -30,7 +33,7 @@ class Scene:
         emission: ArrayLike = 0.0,
         two_sided: ArrayLike = False,
     ) -> None:
-        corners = _numbers("triangles", triangles)
+        corners = numbers("triangles", triangles)
         if corners.ndim != 3 or corners.shape[1:] != (3, 3):
             raise Error(f"triangles: expected shape (T, 3, 3), got {corners.shape}")
         if len(corners) == 0:
@@ -71,15 +74,8 @@ class Scene:
         return np.minimum(albedo, MAX_ALBEDO)
 
 
-def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    try:
-        return np.array(values, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise Error(f"{name}: expected numbers, {error}") from None
-
-
 def _colours(name: str, values: ArrayLike, count: int) -> NDArray[np.float64]:
-    colours = _numbers(name, values)
+    colours = numbers(name, values)
     if colours.shape in ((), (count,)):
         colours = colours[..., None]
     elif colours.shape != (count, 3):
@@ -93,14 +89,17 @@ def _colours(name: str, values: ArrayLike, count: int) -> NDArray[np.float64]:
 
 
 def _flags(name: str, values: ArrayLike, count: int) -> NDArray[np.bool_]:
-    flags = np.asarray(values, dtype=bool)
+    flags = numbers(name, values)
+    if not np.isin(flags, (0.0, 1.0)).all():
+        raise Error(f"{name}: expected True or False, got {flags[~np.isin(flags, (0.0, 1.0))][0]}")
+    flags = flags.astype(bool)
     if flags.shape not in ((), (count,)):
         raise Error(f"{name}: expected shape ({count},) or a constant, got {flags.shape}")
     return np.array(np.broadcast_to(flags, (count,)))
 
 
 def _check_finite(name: str, values: NDArray[np.float64]) -> None:
-    wrong = ~np.isfinite(values)
+    wrong = ~(np.abs(values) <= LARGEST)
     if wrong.any():
         where = tuple(int(i) for i in np.argwhere(wrong)[0])
         raise Error(f"{name}: triangle {where[0]} has the value {values[where]}")

@@ -7,7 +7,9 @@ from numbers import Integral, Real
 
 from .errors import Error
 
-METHODS = ("direct",)
+METHODS = ("direct", "fmm")
+EXPANSIONS = ("whole", "paper", "compressed")
+VISIBILITIES = ("rays", "none")
 
 
 @dataclass(frozen=True)
@@ -15,9 +17,16 @@ class Settings:
     """Settings of a solve; a wrong value raises `Error` naming the option and the value.
 
     truncation      order p at which expansions are cut, 0 to 20 (section 2.2 of the paper)
-    grouping        at most s particles in a leaf of the octree, 1 or more (section 4, step 1)
+    grouping        at most s particles in a leaf of the octree, 1 or more (section 4, step 1), or None to choose the
+                    cheapest s by the cost model
     target_error    wanted relative error of the irradiance, between 0 and 1, or None
-    method          "direct": every particle with every other one, the reference
+    method          "direct": every particle with every other one, the reference; "fmm": the fast multipole method
+    visibility      "rays": a shadow ray for each pair; "none": all in front of the horizon is seen, as it is in a
+                    convex room. The fast multipole method knows "none" only, so far
+    expansion       "whole": the kernel as one tensor; "compressed": the same in fewer numbers, which take longer to set
+                    up at high p; "paper": eq 4 to 11; None: compressed up to p = 6, whole above
+    separation      boxes up to k boxes apart count as near (section 7 of the paper)
+    level           depth of a non-adaptive octree, or None for the adaptive one, which follows the grouping
     particles       about how many quadrature points the scene is cut into, or None to choose from the scene;
                     never fewer than one a triangle
     quadrature      degree of the Gaussian rule on each patch: 1, 2, 4 or 5 (1, 3, 6 or 7 points), or None to choose
@@ -25,37 +34,58 @@ class Settings:
     near_reach      patches closer than this many of their own radii count with their exact form factor
     tolerance       iteration ends when the unshot part of the light is below this share
     max_iterations  and at the latest after this many applications of the operator
+    probes          random points whose irradiance is also summed directly, to measure the error; 0 for none
     """
 
     truncation: int = 4
-    grouping: int = 64
+    grouping: int | None = 64
     target_error: float | None = None
     method: str = "direct"
+    visibility: str = "rays"
+    expansion: str | None = None
+    separation: int = 1
+    level: int | None = None
     particles: int | None = None
     quadrature: int | None = None
     near_reach: float = 4.0
     tolerance: float = 1e-4
     max_iterations: int = 1000
+    probes: int = 300
+
+    @property
+    def expansion_in_use(self) -> str:
+        """The expansion, chosen by p where it was left open."""
+        return self.expansion or ("compressed" if self.truncation <= 6 else "whole")
 
     def __post_init__(self) -> None:
         self._check_integer("truncation", 0, 20)
-        self._check_integer("grouping", 1, 1 << 20)
+        self._check_integer("separation", 1, 8)
+        self._check_integer("probes", 0, 1 << 20)
         self._check_integer("max_iterations", 1, 1 << 20)
         self._check_real("near_reach", 1.0, 1e3)
         self._check_real("tolerance", 1e-12, 0.5)
+        self._check_choice("method", METHODS)
+        self._check_choice("visibility", VISIBILITIES)
+        self._check_choice("expansion", (None, *EXPANSIONS))
         if self.target_error is not None:
             self._check_real("target_error", 1e-6, 1.0)
-        if self.particles is not None:
-            self._check_integer("particles", 1, 1 << 31)
-        if self.method not in METHODS:
-            raise Error(f"method: expected one of {', '.join(METHODS)}, got {self.method!r}")
+        for name, low, high in (("grouping", 1, 1 << 20), ("level", 0, 8), ("particles", 1, 1 << 31)):
+            if getattr(self, name) is not None:
+                self._check_integer(name, low, high)
         if self.quadrature not in (None, 1, 2, 4, 5):
             raise Error(f"quadrature: expected 1, 2, 4 or 5, got {self.quadrature!r}")
+        if self.method == "fmm" and self.visibility == "rays":
+            raise Error("visibility: method 'fmm' does not treat occlusion yet, expected none, got 'rays'")
 
     def _check_integer(self, name: str, low: int, high: int) -> None:
         value = getattr(self, name)
         if not isinstance(value, Integral) or isinstance(value, bool) or not low <= value <= high:
             raise Error(f"{name}: expected a whole number from {low} to {high}, got {value!r}")
+
+    def _check_choice(self, name: str, choices: tuple[str | None, ...]) -> None:
+        value = getattr(self, name)
+        if value not in choices:
+            raise Error(f"{name}: expected one of {', '.join(map(str, choices))}, got {value!r}")
 
     def _check_real(self, name: str, low: float, high: float) -> None:
         value = getattr(self, name)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
-from .errors import Cancelled
+from .progress import Tick, silent
 from .scene import Scene
 
 # Blender on Linux carries an Embree of its own, to which embreex must not bind.
@@ -58,12 +58,12 @@ class Occlusion:
         normals: NDArray[np.float64],
         sources: _binding.Sources,
         symmetric: bool = False,
-        tick: Callable[[float], bool] | None = None,
+        tick: Tick = silent,
     ) -> NDArray[np.uint64]:
         """Bits (M * words,) that say which sources each receiver sees, one ray a facing pair.
 
         symmetric: the receivers are the sources themselves, so that each pair needs one ray only.
-        tick: called with the fraction done; returning False raises `Cancelled`.
+        tick: called with the fraction done.
         """
         words = sources.words
         bits = np.zeros(len(points) * words, dtype=np.uint64)
@@ -97,14 +97,14 @@ class Occlusion:
             seen[rows] = ~self._occluded(origins[rows], directions[rows])
             return rows.stop - rows.start
 
-        self.rays += _run_blocks(block, len(points), 1 << 18, None)
+        self.rays += _run_blocks(block, len(points), 1 << 18, silent)
         return seen
 
     def _lifted(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
         return (points - self._centre) / self._scale + OFFSET * normals
 
 
-def _run_blocks(work: Callable[[slice], int], count: int, size: int, tick: Callable[[float], bool] | None) -> int:
+def _run_blocks(work: Callable[[slice], int], count: int, size: int, tick: Tick) -> int:
     """Runs `work` on slices of `size` rows in as many threads as there are cores; sums what it returns."""
     slices = [slice(start, min(start + size, count)) for start in range(0, count, size)]
     total = 0
@@ -113,8 +113,7 @@ def _run_blocks(work: Callable[[slice], int], count: int, size: int, tick: Calla
         try:
             for done, future in enumerate(futures, 1):
                 total += future.result()
-                if tick is not None and tick(done / len(slices)) is False:
-                    raise Cancelled
+                tick(done / len(slices))
         finally:
             for future in futures:
                 future.cancel()

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The fast multipole method.
+
+use crate::arrays::{flat, table, triples, value_error};
+use ::fmm::driver;
+use ::fmm::expansion::{Compressed, Expansion, Paper, Whole};
+use ::fmm::lists::ListsOptions;
+use ::fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
+use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+type Points<'py> = PyReadonlyArray2<'py, f64>;
+/// Irradiance, and the seconds of each pass.
+type Timed<'py> = (Bound<'py, PyArray2<f64>>, driver::Seconds);
+
+/// Octrees, lists and translations for fixed receivers and sources.
+#[pyclass(frozen)]
+pub struct Fmm {
+    driver: driver::Fmm,
+}
+
+#[pymethods]
+impl Fmm {
+    #[new]
+    #[pyo3(signature = (sources, softening, targets, truncation, grouping, level, separation, expansion))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        py: Python,
+        sources: (Points, Points),
+        softening: PyReadonlyArray1<f64>,
+        targets: Option<(Points, Points)>,
+        truncation: usize,
+        grouping: usize,
+        level: Option<u8>,
+        separation: u8,
+        expansion: &str,
+    ) -> PyResult<Self> {
+        let grouping = level.map_or(Grouping::Adaptive { points: grouping }, |level| Grouping::Uniform { level });
+        let options = OctreeOptions { grouping, by_normal: true };
+        let (y, n_y) = (triples(&sources.0, "source points")?, triples(&sources.1, "source normals")?);
+        let x = match &targets {
+            Some((points, normals)) => Some((triples(points, "points")?, triples(normals, "normals")?)),
+            None => None,
+        };
+        let softening = flat(&softening)?;
+        let build = || -> Result<driver::Fmm, ::fmm::Error> {
+            let grid = Grid::around(&[y, x.map_or(&[], |(points, _)| points)])?;
+            let source_tree = Octree::new(y, Some(n_y), grid, options)?;
+            let target_tree = match x {
+                Some((points, normals)) => Octree::new(points, Some(normals), grid, options)?,
+                None => source_tree.clone(),
+            };
+            let grazing = driver::grazing(truncation);
+            let lists = ListsOptions { grazing, ..ListsOptions::new(u32::from(separation), true) };
+            driver::Fmm::new(make(expansion, truncation, separation), target_tree, source_tree, softening, lists)
+        };
+        Ok(Fmm { driver: py.detach(build).map_err(value_error)? })
+    }
+
+    /// Irradiance (M, 3) at the targets from strengths (N, 3), and the seconds of each pass.
+    fn apply<'py>(&self, py: Python<'py>, strengths: Points) -> PyResult<Timed<'py>> {
+        let strengths = triples(&strengths, "strengths")?;
+        let (irradiance, seconds) = py.detach(|| self.driver.apply_timed(strengths)).map_err(value_error)?;
+        Ok((table(py, irradiance)?, seconds))
+    }
+
+    /// Boxes, leaves, coefficients, and how much each pass has to do.
+    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let counts = PyDict::new(py);
+        for (name, count) in self.driver.counts() {
+            counts.set_item(name, count)?;
+        }
+        Ok(counts)
+    }
+}
+
+fn make(expansion: &str, truncation: usize, separation: u8) -> Box<dyn Expansion> {
+    match expansion {
+        "paper" => Box::new(Paper::new(truncation)),
+        "compressed" => Box::new(Compressed::new(truncation, separation)),
+        _ => Box::new(Whole::new(truncation)),
+    }
+}
+
+/// The paper's bound on the error of one multipole expansion (section 2.2).
+#[pyfunction]
+pub fn error_bound(truncation: usize, strength: f64, source_radius: f64, receiver_distance: f64) -> f64 {
+    ::fmm::expansion::error_bound(truncation, strength, source_radius, receiver_distance)
+}

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The fast multipole method, step by step as in section 4 of the paper.
+
+use crate::direct::Sources;
+use crate::error::{Error, same_length};
+use crate::expansion::Expansion;
+use crate::lists::{Batches, Lists, ListsOptions};
+use crate::octree::Octree;
+use crate::passes::Passes;
+use crate::translations::Translations;
+use std::time::Instant;
+
+/// Target boxes whose interaction lists one thread takes together: enough pairs of one offset for a matrix product.
+const TARGETS_PER_SLAB: usize = 2048;
+
+/// The cosine that may pass for one at the horizon at truncation p. It costs about its square of the irradiance, which
+/// this keeps at about a quarter of what the truncation itself costs.
+pub fn grazing(truncation: usize) -> f64 {
+    0.16 * 0.61_f64.powi(truncation.min(20) as i32)
+}
+
+/// Everything that does not depend on the strengths: step 1, "Setup".
+pub struct Fmm {
+    expansion: Box<dyn Expansion>,
+    targets: Octree,
+    sources: Octree,
+    lists: Lists,
+    batches: Batches,
+    translations: Translations,
+    points: Sources,
+}
+
+/// Seconds of each pass of one application, in the order in which they ran.
+pub type Seconds = Vec<(&'static str, f64)>;
+
+impl Fmm {
+    /// Lists and translations of two octrees on one grid; `softening` (N,) as in [`Sources::new`], scene order.
+    pub fn new(
+        expansion: Box<dyn Expansion>,
+        targets: Octree,
+        sources: Octree,
+        softening: &[f64],
+        options: ListsOptions,
+    ) -> Result<Self, Error> {
+        same_length("source softening", sources.n_points(), softening.len())?;
+        let lists = Lists::new(&targets, &sources, options)?;
+        let batches = lists.batches(&targets, &sources, TARGETS_PER_SLAB);
+        let translations = Translations::new(expansion.as_ref(), &batches);
+        let softening: Vec<f64> = sources.to_scene.iter().map(|&j| softening[j as usize]).collect();
+        let leaves = sources.points_of_leaves();
+        let points = Sources::grouped(&sources.positions, &sources.normals, &softening, leaves)?;
+        Ok(Self { expansion, targets, sources, lists, batches, translations, points })
+    }
+
+    /// Irradiance (M, 3) at the targets from sources of strengths q = weight * radiosity (N, 3), both in scene order.
+    pub fn apply(&self, strengths: &[[f64; 3]]) -> Result<Vec<[f64; 3]>, Error> {
+        Ok(self.apply_timed(strengths)?.0)
+    }
+
+    /// As [`Fmm::apply`], with the seconds of each pass.
+    pub fn apply_timed(&self, strengths: &[[f64; 3]]) -> Result<(Vec<[f64; 3]>, Seconds), Error> {
+        same_length("strengths", self.sources.n_points(), strengths.len())?;
+        let passes = Passes {
+            expansion: self.expansion.as_ref(),
+            targets: &self.targets,
+            sources: &self.sources,
+            lists: &self.lists,
+            batches: &self.batches,
+            translations: &self.translations,
+            points: &self.points,
+        };
+        let mut clock = Clock::default();
+        let q = self.sources.in_tree_order(strengths);
+        let mut multipoles = passes.zero_multipoles();
+        let mut locals = passes.zero_locals();
+        let mut irradiance = vec![[0.0; 3]; self.targets.n_points()];
+
+        // Step 2, multipole coefficients.
+        clock.time("p2m", || passes.p2m(&q, &mut multipoles));
+        clock.time("m2m", || passes.m2m(&mut multipoles));
+        // Step 3, downward pass.
+        clock.time("m2l", || passes.m2l(&multipoles, &mut locals));
+        clock.time("p2l", || passes.p2l(&q, &mut locals));
+        clock.time("l2l", || passes.l2l(&mut locals));
+        // Step 4, evaluation.
+        clock.time("l2p", || passes.l2p(&locals, &mut irradiance));
+        clock.time("m2p", || passes.m2p(&multipoles, &mut irradiance));
+        clock.time("p2p", || passes.p2p(&q, &mut irradiance));
+
+        Ok((self.targets.in_scene_order(&irradiance), clock.seconds))
+    }
+
+    /// How much there is of everything that costs time: boxes, pairs of the lists, point pairs of the near neighbours.
+    pub fn counts(&self) -> [(&'static str, usize); 9] {
+        let [u, v, x, w] = self.lists.all();
+        let points = |tree: &Octree, b: u32| tree.count(b as usize);
+        let near = |(t, s): (usize, usize)| self.targets.count(t) * self.sources.count(s);
+        [
+            ("boxes", self.targets.n_boxes()),
+            ("leaves", self.targets.leaves().count()),
+            ("coefficients", self.expansion.multipole_len()),
+            ("near_pairs", u.boxes.len()),
+            ("point_pairs", u.pairs().map(near).sum()),
+            ("interactions", v.boxes.len()),
+            ("p2l_points", x.boxes.iter().map(|&s| points(&self.sources, s)).sum()),
+            ("m2p_points", w.pairs().map(|(t, _)| self.targets.count(t)).sum()),
+            ("postponed", self.lists.facing_counts.postponed as usize),
+        ]
+    }
+
+    /// The octree of the receivers.
+    pub fn targets(&self) -> &Octree {
+        &self.targets
+    }
+
+    /// The octree of the sources.
+    pub fn sources(&self) -> &Octree {
+        &self.sources
+    }
+
+    /// The interaction lists.
+    pub fn lists(&self) -> &Lists {
+        &self.lists
+    }
+
+    /// The expansion in use.
+    pub fn expansion(&self) -> &dyn Expansion {
+        self.expansion.as_ref()
+    }
+}
+
+#[derive(Default)]
+struct Clock {
+    seconds: Seconds,
+}
+
+impl Clock {
+    fn time(&mut self, pass: &'static str, work: impl FnOnce()) {
+        let start = Instant::now();
+        work();
+        self.seconds.push((pass, start.elapsed().as_secs_f64()));
+    }
+}

@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The passes of the fast multipole method over all boxes, in parallel. Points and strengths are in tree order.
+
+use crate::direct::Sources;
+use crate::expansion::{COLOURS, Expansion};
+use crate::lists::{Batch, Batches, Lists, Rows};
+use crate::octree::Octree;
+use crate::translations::Translations;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Pairs of boxes in one matrix product.
+const PAIRS_PER_PRODUCT: usize = 64;
+
+/// What every pass needs.
+pub struct Passes<'a> {
+    pub expansion: &'a dyn Expansion,
+    pub targets: &'a Octree,
+    pub sources: &'a Octree,
+    pub lists: &'a Lists,
+    pub batches: &'a Batches,
+    pub translations: &'a Translations,
+    pub points: &'a Sources,
+}
+
+type Colours = [[f64; 3]];
+
+impl Passes<'_> {
+    /// Multipole coefficients of every source box, [box][coefficient][colour].
+    pub fn zero_multipoles(&self) -> Vec<f64> {
+        vec![0.0; self.sources.n_boxes() * self.multipole_len()]
+    }
+
+    /// Local coefficients of every target box, [box][coefficient][colour].
+    pub fn zero_locals(&self) -> Vec<f64> {
+        vec![0.0; self.targets.n_boxes() * self.local_len()]
+    }
+
+    fn multipole_len(&self) -> usize {
+        self.expansion.multipole_len() * COLOURS
+    }
+
+    fn local_len(&self) -> usize {
+        self.expansion.local_len() * COLOURS
+    }
+
+    /// Particles to multipoles of the leaves (eq 12).
+    pub fn p2m(&self, q: &Colours, multipoles: &mut [f64]) {
+        let tree = self.sources;
+        multipoles.par_chunks_mut(self.multipole_len()).enumerate().filter(|(b, _)| tree.is_leaf(*b)).for_each(
+            |(b, multipole)| {
+                let points = tree.points_of(b);
+                let positions = tree.in_box_coordinates(&tree.positions[points.clone()], b);
+                self.expansion.p2m(&positions, &tree.normals[points.clone()], &q[points], multipole);
+            },
+        );
+    }
+
+    /// Multipoles of children to those of their parents, level by level upwards (section 2.4).
+    pub fn m2m(&self, multipoles: &mut [f64]) {
+        let (tree, len) = (self.sources, self.multipole_len());
+        for level in (1..tree.n_levels()).rev() {
+            let (above, below) = multipoles.split_at_mut(tree.boxes_of_level(level).start * len);
+            let (first_child, parents) = (tree.boxes_of_level(level).start, tree.boxes_of_level(level - 1));
+            above[parents.start * len..].par_chunks_mut(len).zip(parents).for_each(|(parent, b)| {
+                for child in tree.children(b) {
+                    let at = (child - first_child) * len;
+                    self.expansion.m2m(tree.octant(child), &below[at..at + len], parent);
+                }
+            });
+        }
+    }
+
+    /// Multipoles of the interaction list to locals (eq 11), all pairs of one offset in one matrix product.
+    pub fn m2l(&self, multipoles: &[f64], locals: &mut [f64]) {
+        let len = self.local_len();
+        let mut slabs = Vec::with_capacity(self.batches.slabs.len());
+        let (mut rest, mut done) = (locals, 0);
+        for slab in &self.batches.slabs {
+            let (_, tail) = rest.split_at_mut((slab.targets.start - done) * len);
+            let (own, tail) = tail.split_at_mut(slab.targets.len() * len);
+            slabs.push((slab, own));
+            (rest, done) = (tail, slab.targets.end);
+        }
+        slabs.into_par_iter().for_each(|(slab, locals)| {
+            for batch in &self.batches.batches[slab.batches.clone()] {
+                for start in batch.pairs.clone().step_by(PAIRS_PER_PRODUCT) {
+                    let pairs = start..batch.pairs.end.min(start + PAIRS_PER_PRODUCT);
+                    self.translate(batch, pairs, slab.targets.start, multipoles, locals);
+                }
+            }
+        });
+    }
+
+    fn translate(&self, batch: &Batch, pairs: Range<usize>, first: usize, multipoles: &[f64], locals: &mut [f64]) {
+        let width = pairs.len() * COLOURS;
+        let mut from = vec![0.0; self.expansion.multipole_len() * width];
+        for (column, &source) in self.batches.sources[pairs.clone()].iter().enumerate() {
+            let multipole = &multipoles[source as usize * self.multipole_len()..][..self.multipole_len()];
+            for (row, colours) in from.chunks_exact_mut(width).zip(multipole.chunks_exact(COLOURS)) {
+                row[column * COLOURS..][..COLOURS].copy_from_slice(colours);
+            }
+        }
+        let mut to = vec![0.0; self.expansion.local_len() * width];
+        self.translations.apply(batch.offset, width, &mut from, &mut to);
+        for (column, &target) in self.batches.targets[pairs].iter().enumerate() {
+            let scale = self.targets.half_side(target as usize).powi(-2);
+            let local = &mut locals[(target as usize - first) * self.local_len()..][..self.local_len()];
+            for (row, colours) in to.chunks_exact(width).zip(local.chunks_exact_mut(COLOURS)) {
+                for colour in 0..COLOURS {
+                    colours[colour] += scale * row[column * COLOURS + colour];
+                }
+            }
+        }
+    }
+
+    /// Particles of the local interaction list to locals (eq 10).
+    pub fn p2l(&self, q: &Colours, locals: &mut [f64]) {
+        let list = &self.lists.local_interaction_list;
+        self.each_row(list, locals, |b, local| {
+            let scale = self.targets.half_side(b).powi(-2);
+            for &source in list.row(b) {
+                let points = self.sources.points_of(source as usize);
+                let positions = self.targets.in_box_coordinates(&self.sources.positions[points.clone()], b);
+                let strengths: Vec<_> = q[points.clone()].iter().map(|q| q.map(|q| q * scale)).collect();
+                self.expansion.p2l(&positions, &self.sources.normals[points], &strengths, local);
+            }
+        });
+    }
+
+    fn each_row(&self, list: &Rows, locals: &mut [f64], work: impl Fn(usize, &mut [f64]) + Sync) {
+        if !list.boxes.is_empty() {
+            locals.par_chunks_mut(self.local_len()).enumerate().for_each(|(b, local)| work(b, local));
+        }
+    }
+
+    /// Locals of parents to those of their children, level by level downwards (section 2.5).
+    pub fn l2l(&self, locals: &mut [f64]) {
+        let (tree, len) = (self.targets, self.local_len());
+        for level in 1..tree.n_levels() {
+            let boxes = tree.boxes_of_level(level);
+            let (above, below) = locals.split_at_mut(boxes.start * len);
+            below[..boxes.len() * len].par_chunks_mut(len).zip(boxes).for_each(|(child, b)| {
+                let parent = tree.parent[b] as usize * len;
+                self.expansion.l2l(tree.octant(b), &above[parent..parent + len], child);
+            });
+        }
+    }
+
+    /// Locals to the particles of the leaves (eq 8).
+    pub fn l2p(&self, locals: &[f64], irradiance: &mut Colours) {
+        let (tree, len) = (self.targets, self.local_len());
+        self.each_leaf(irradiance, |b, out| {
+            let positions = tree.in_box_coordinates(&tree.positions[tree.points_of(b)], b);
+            self.expansion.l2p(&locals[b * len..(b + 1) * len], &positions, &tree.normals[tree.points_of(b)], out);
+        });
+    }
+
+    /// Multipoles of the multipole interaction list to particles (eq 5).
+    pub fn m2p(&self, multipoles: &[f64], irradiance: &mut Colours) {
+        let (list, tree, len) = (&self.lists.multipole_interaction_list, self.targets, self.multipole_len());
+        if list.boxes.is_empty() {
+            return;
+        }
+        self.each_leaf(irradiance, |b, out| {
+            for source in list.row(b).iter().map(|&source| source as usize) {
+                let scale = self.sources.half_side(source).powi(-2);
+                let multipole: Vec<f64> =
+                    multipoles[source * len..(source + 1) * len].iter().map(|m| m * scale).collect();
+                let positions = self.sources.in_box_coordinates(&tree.positions[tree.points_of(b)], source);
+                self.expansion.m2p(&multipole, &positions, &tree.normals[tree.points_of(b)], out);
+            }
+        });
+    }
+
+    /// Near neighbours, directly.
+    pub fn p2p(&self, q: &Colours, irradiance: &mut Colours) {
+        let tree = self.targets;
+        let strengths = self.points.strengths(q);
+        self.each_leaf(irradiance, |b, out| {
+            let points = tree.points_of(b);
+            let near = self.lists.near_neighbours.row(b);
+            self.points.add_groups(&tree.positions[points.clone()], &tree.normals[points], near, &strengths, out);
+        });
+    }
+
+    /// Work on every leaf of the targets together with its part of the irradiance.
+    fn each_leaf(&self, irradiance: &mut Colours, work: impl Fn(usize, &mut Colours) + Sync) {
+        let mut leaves = Vec::new();
+        let mut rest = irradiance;
+        for b in self.targets.leaves_by_points() {
+            let (own, tail) = rest.split_at_mut(self.targets.count(b));
+            leaves.push((b, own));
+            rest = tail;
+        }
+        leaves.into_par_iter().for_each(|(b, own)| work(b, own));
+    }
+}

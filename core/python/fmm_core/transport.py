@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Linear operators from the particles' radiosity to irradiance at fixed receivers."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _binding
+from .particles import Particles
+from .progress import Tick, silent
+from .visibility import Occlusion
+
+
+class Operator:
+    """A sum over point sources, corrected where patches are so near that only their exact form factor will do."""
+
+    def __init__(
+        self,
+        particles: Particles,
+        summation: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+        correction: _binding.Correction,
+    ) -> None:
+        self._weights = particles.weights[:, None]
+        self._sum, self._correction = summation, correction
+
+    def apply(self, radiosity: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Irradiance (M, 3) at the receivers for the particles' radiosity (N, 3), both W/m^2."""
+        strengths = self._weights * radiosity
+        irradiance = self._sum(strengths)
+        self._correction.add(strengths, irradiance)
+        # The correction subtracts what the sum has added; truncation and rounding must not leave a negative rest.
+        return np.maximum(irradiance, 0.0)
+
+
+class Space(Protocol):
+    """Makes operators from the particles of one scene to any receivers."""
+
+    sums: "Sums"
+
+    def exchange(self, tick: Tick = silent) -> Operator:
+        """The operator from the particles to themselves."""
+
+    def gather(
+        self,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        radiosity: NDArray[np.float64],
+        tick: Tick = silent,
+    ) -> NDArray[np.float64]:
+        """Irradiance (M, 3) at any points."""
+
+
+class Sums:
+    """What both methods share: the point sources, and exact form factors where a patch is near.
+
+    occlusion   None where every surface in front of the horizon is seen
+    """
+
+    def __init__(self, particles: Particles, occlusion: Occlusion | None, near_reach: float) -> None:
+        self.particles, self.occlusion = particles, occlusion
+        self._reach = near_reach * particles.radii
+        self.sources = _binding.Sources(
+            particles.positions, particles.normals, particles.softening, particles.areas, particles.per_patch
+        )
+
+    @property
+    def rays(self) -> int:
+        """Rays traced so far."""
+        return self.occlusion.rays if self.occlusion else 0
+
+    def correction(
+        self, points: NDArray[np.float64], normals: NDArray[np.float64], visible: NDArray[np.uint64] | None
+    ) -> _binding.Correction:
+        """Exact minus point kernel for near patches; `visible` as the sum over the points has it."""
+        near = _binding.NearField(points, normals, self.particles.patches, self._reach)
+        fractions = np.ones(len(near))
+        if self.occlusion is not None:
+            rows = np.repeat(np.arange(len(points)), np.diff(near.starts()).astype(np.int64))
+            patch_normals = self.particles.normals[near.patches() * self.particles.per_patch]
+            ends = points[rows], normals[rows], near.targets(), patch_normals
+            fractions = self.occlusion.visible_targets(*ends).astype(np.float64)
+        return _binding.Correction(near, points, normals, self.sources, fractions, visible)
+
+    def direct_operator(
+        self, points: NDArray[np.float64], normals: NDArray[np.float64], symmetric: bool = False, tick: Tick = silent
+    ) -> Operator:
+        """The direct sum over all particles; `symmetric` where the receivers are the particles themselves."""
+        visible = None
+        if self.occlusion is not None:
+            visible = self.occlusion.visible_pairs(points, normals, self.sources, symmetric, tick)
+
+        def summation(strengths: NDArray[np.float64]) -> NDArray[np.float64]:
+            return self.sources.irradiance(points, normals, strengths, visible)
+
+        return Operator(self.particles, summation, self.correction(points, normals, visible))
