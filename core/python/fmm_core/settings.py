@@ -30,7 +30,7 @@ class Settings:
     particles       about how many quadrature points the scene is cut into, or None to choose from the scene;
                     never fewer than one a triangle
     quadrature      degree of the Gaussian rule on each patch: 1, 2, 4 or 5 (1, 3, 6 or 7 points), or None to choose
-                    2 where triangles are cut and 1 where the mesh is finer than the particles asked for
+                    2 where each triangle is to have many particles and 1 elsewhere
     near_reach      patches closer than this many of their own radii count with their exact form factor
     tolerance       iteration ends when the unshot part of the light is below this share
     max_iterations  and at the latest after this many applications of the operator

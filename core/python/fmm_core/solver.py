@@ -18,7 +18,10 @@ from .transport import Operator, Sums
 from .visibility import Occlusion
 
 #: Quadrature points that a scene of few triangles is cut into when the user leaves the number open.
-AUTOMATIC_PARTICLES = 2000
+AUTOMATIC_PARTICLES = 1500
+
+#: Triangles count as coarse where each is to have this many particles; they get the rule of degree 2.
+COARSE = 6
 
 
 def solve(scene: Scene, settings: Settings | None = None, progress: Progress | None = None) -> Solution:
@@ -40,7 +43,7 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solut
         report.warnings.append(f"target_error {settings.target_error:g} is not used yet")
     with report.time("tree"):
         count = settings.particles or AUTOMATIC_PARTICLES
-        degree = settings.quadrature or (2 if len(scene.triangles) < count else 1)
+        degree = settings.quadrature or (2 if COARSE * len(scene.triangles) <= count else 1)
         particles = make_particles(scene, count, degree)
     report.counts.update(triangles=len(scene.triangles), particles=len(particles))
     with report.time("visibility"):
