@@ -7,7 +7,7 @@ Objects that the viewport hides are not evaluated by Blender: they are left out 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -47,7 +47,8 @@ class SceneArrays:
 
     triangles (T,3,3) m, counter-clockwise from the front; albedo (T,3); emission (T,3) W/m^2; two_sided (T,) bool.
     corner_* describe the C corners of all receivers, in mesh order: position (C,3) m, normal (C,3) unit, vertex (C,)
-    int unique over the scene, face_centre (C,3) m, albedo (C,3), emission (C,3) W/m^2.
+    int unique over the scene, triangle_centre (C,3) m of the largest triangle at the corner, albedo (C,3), and
+    emission (C,3) W/m^2.
     """
 
     triangles: np.ndarray
@@ -57,7 +58,7 @@ class SceneArrays:
     corner_position: np.ndarray
     corner_normal: np.ndarray
     corner_vertex: np.ndarray
-    corner_face_centre: np.ndarray
+    corner_triangle_centre: np.ndarray
     corner_albedo: np.ndarray
     corner_emission: np.ndarray
     receivers: tuple[Receiver, ...]
@@ -73,7 +74,6 @@ class _Mesh:
     corner_normal: np.ndarray  # (C,3)
     face_start: np.ndarray  # (F,) first corner
     face_corners: np.ndarray  # (F,) number of corners
-    face_centre: np.ndarray  # (F,3)
     face_material: np.ndarray  # (F,) material slot
     smooth: bool
     triangle_corners: np.ndarray  # (T,3)
@@ -83,6 +83,15 @@ class _Mesh:
     def corner_face(self) -> np.ndarray:
         """(C,) face of each corner."""
         return np.repeat(np.arange(len(self.face_corners)), self.face_corners)
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """What tells a room from a solid: position (V,3) m of the vertices, the number of triangles, whether closed."""
+
+    position: np.ndarray
+    triangles: int
+    closed: bool
 
 
 def read_scene(depsgraph: bpy.types.Depsgraph) -> SceneArrays:
@@ -109,6 +118,7 @@ class _Reader:
     users: dict[str, list[str]] = field(default_factory=dict)
     remarks: dict[str, list[str]] = field(default_factory=dict)
     surfaces: dict[object, materials.Surface] = field(default_factory=dict)
+    shapes: list[_Shape] = field(default_factory=list)
     meshes: int = 0
     corners: int = 0
     vertices: int = 0
@@ -177,8 +187,8 @@ class _Reader:
             triangles=triangles[kept],
             albedo=albedo[face],
             emission=emission[face],
-            two_sided=np.full(len(face), not _is_closed(mesh)),
         )
+        self.shapes.append(_Shape(world.position, len(face), _is_closed(mesh)))
 
     def is_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: _Mesh) -> bool:
         """Whether the mesh of this object can take colours and has not been taken yet; says why not."""
@@ -196,7 +206,7 @@ class _Reader:
                         "colours: make it local to bake onto it")  # fmt: skip
         else:
             users = self.users.setdefault(original.data.name, [])
-            users.append(obj.name)
+            users.append(instance.parent.name if instance.is_instance else obj.name)
             return len(users) == 1
         return False
 
@@ -209,7 +219,7 @@ class _Reader:
             corner_position=world.position[mesh.corner_vertex],
             corner_normal=world.corner_normal,
             corner_vertex=mesh.corner_vertex + self.vertices,
-            corner_face_centre=world.face_centre[face],
+            corner_triangle_centre=_triangle_centres(mesh, world.position),
             corner_albedo=albedo[face],
             corner_emission=emission[face],
         )
@@ -246,14 +256,19 @@ class _Reader:
         arrays = {name: np.concatenate(parts) for name, parts in self.parts.items()}
         if not arrays["emission"].any():
             raise Error(f"nothing in scene '{scene.name}' gives off light: give a mesh a material with an Emission "
-                        "shader, or with an Emission Strength above 0 in its Principled shader")  # fmt: skip
+                        f"shader, or with an Emission Strength above 0 in its Principled shader{because}")  # fmt: skip
+        arrays["two_sided"] = _two_sided(self.shapes)
         return SceneArrays(**arrays, receivers=tuple(self.receivers), warnings=warnings)
 
     def add_scene_remarks(self, scene: bpy.types.Scene) -> None:
         """Warnings that belong to no single object that was read."""
         for mesh, users in self.users.items():
-            if len(users) > 1:
-                self.remark(f"mesh '{mesh}' is shared by {_list(users)}: its colours are those of '{users[0]}'")
+            names = list(dict.fromkeys(users))
+            if len(names) > 1:
+                self.remark(f"mesh '{mesh}' is shared by {_list(names)}: its colours are those of '{names[0]}'")
+            elif len(users) > 1:
+                self.remark(f"mesh '{mesh}' appears {len(users)} times in '{names[0]}': its colours are those of the "
+                            "first")  # fmt: skip
         world = materials.world_remark(scene.world)
         if world:
             self.remark(world)
@@ -263,7 +278,7 @@ class _Reader:
 
 
 class _World:
-    """A mesh carried into world space: position (V,3), corner_normal (C,3) unit, face_centre (F,3)."""
+    """A mesh carried into world space: position (V,3) in m, corner_normal (C,3) unit."""
 
     def __init__(self, name: str, mesh: _Mesh, matrix: np.ndarray) -> None:
         linear, offset = matrix[:3, :3], matrix[:3, 3]
@@ -274,7 +289,6 @@ class _World:
             value = ", ".join(f"{x:g}" for x in mesh.vertex[bad[0]])
             raise Error(f"object '{name}': vertex {bad[0]} is at ({value}), which is not finite")
         self.position = mesh.vertex @ linear.T + offset
-        self.face_centre = mesh.face_centre @ linear.T + offset
         self.mirrored = np.linalg.det(linear) < 0
         # Normals go with the cofactors of the matrix, which exist for flattened objects too.
         a, b, c = linear.T
@@ -294,7 +308,6 @@ def _read_mesh(mesh: bpy.types.Mesh) -> _Mesh:
         corner_normal=_get(mesh.corner_normals, "vector", np.float32, 3).astype(np.float64),
         face_start=_get(faces, "loop_start", np.int32),
         face_corners=_get(faces, "loop_total", np.int32),
-        face_centre=_get(faces, "center", np.float32, 3).astype(np.float64),
         face_material=_get(faces, "material_index", np.int32),
         smooth=bool(_get(faces, "use_smooth", bool).all()),
         triangle_corners=_get(triangles, "loops", np.int32, 3),
@@ -318,12 +331,48 @@ def _is_closed(mesh: _Mesh) -> bool:
     return bool((forward == backward).all() and (np.diff(forward) > 0).all())
 
 
+def _two_sided(shapes: Sequence[_Shape]) -> np.ndarray:
+    """(T,) bool for the triangles of all shapes: open ones, and closed ones that something else lies inside of.
+
+    A closed mesh with something in its bounding box may be a room, whose normals can point either way.
+    """
+    low = np.array([shape.position.min(axis=0) for shape in shapes])
+    high = np.array([shape.position.max(axis=0) for shape in shapes])
+    # Contact is no overlap, whatever the rounding.
+    margin = 1e-5 * (high - low).max(axis=1, keepdims=True)
+    inner_low, inner_high = low + margin, high - margin
+    flags = [not shape.closed for shape in shapes]
+    for i in np.flatnonzero([shape.closed for shape in shapes]):
+        near = ((low < inner_high[i]) & (high > inner_low[i])).all(axis=1)
+        near[i] = False
+        flags[i] = any(_any_inside(shapes[j].position, inner_low[i], inner_high[i]) for j in np.flatnonzero(near))
+    return np.repeat(flags, [shape.triangles for shape in shapes])
+
+
+def _any_inside(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
+    return bool(((points > low) & (points < high)).all(axis=1).any())
+
+
+def _triangle_centres(mesh: _Mesh, position: np.ndarray) -> np.ndarray:
+    """(C,3) m: centre of the largest triangle at each corner, for vertices at position (V,3) in m."""
+    triangles = position[mesh.corner_vertex[mesh.triangle_corners]]
+    order = np.argsort(_double_area(triangles))
+    centres = position[mesh.corner_vertex]
+    # The last one that is assigned to a corner stays.
+    centres[mesh.triangle_corners[order].ravel()] = np.repeat(triangles[order].mean(axis=1), 3, axis=0)
+    return centres
+
+
+def _double_area(triangles: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+
+
 def _with_area(triangles: np.ndarray) -> np.ndarray:
     """(T,) bool: whether a triangle is higher than the rounding of its coordinates."""
     edges = triangles - np.roll(triangles, 1, axis=1)
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
     rounding = 1e-12 * np.maximum(longest, np.abs(triangles).max(axis=(1, 2)))
-    return np.linalg.norm(np.cross(edges[:, 1], edges[:, 2]), axis=1) > longest * rounding
+    return _double_area(triangles) > longest * rounding
 
 
 def _same_topology(mesh: _Mesh, original: bpy.types.Mesh) -> bool:

@@ -65,6 +65,14 @@ def cycles_bake(arrays: object, seed: int) -> np.ndarray:
     return np.pi * colours
 
 
+def face_centres(arrays: object) -> np.ndarray:
+    """(C, 3) m: mean of the corners of each corner's face."""
+    sizes = [len(face.vertices) for receiver in arrays.receivers for face in bpy.data.meshes[receiver.mesh].polygons]
+    face = np.repeat(np.arange(len(sizes)), sizes)
+    sums = np.stack([np.bincount(face, arrays.corner_position[:, k]) for k in range(3)], axis=1)
+    return (sums / np.array(sizes)[:, None])[face]
+
+
 def inside(arrays: object) -> np.ndarray:
     """(C,) bool: all corners of the vertex share one normal and its faces close around it."""
     vertex = arrays.corner_vertex
@@ -75,7 +83,7 @@ def inside(arrays: object) -> np.ndarray:
     mean = np.stack([np.bincount(vertex, arrays.corner_normal[:, k], count) for k in range(3)], axis=1)
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
     np.maximum.at(spread, vertex, np.linalg.norm(arrays.corner_normal - mean[vertex], axis=1))
-    step = arrays.corner_face_centre - arrays.corner_position
+    step = face_centres(arrays) - arrays.corner_position
     for k in range(3):
         offset[:, k] = np.bincount(vertex, step[:, k], count) / np.maximum(faces, 1)
     size = np.bincount(vertex, np.linalg.norm(step, axis=1), count) / np.maximum(faces, 1)

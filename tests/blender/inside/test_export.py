@@ -26,7 +26,7 @@ def test_normals_stay_outside_whatever_the_scale(build, read, scale):
     outward = arrays.triangles.mean(axis=1) - (3, -2, 1)
     normals = corner_normals(arrays.triangles)
     assert (np.einsum("ti,ti->t", normals, outward) > 0).all()
-    for corner, centre in zip(arrays.corner_normal, arrays.corner_face_centre, strict=True):
+    for corner, centre in zip(arrays.corner_normal, arrays.corner_triangle_centre, strict=True):
         assert np.dot(corner, centre - (3, -2, 1)) > 0
         assert np.linalg.norm(corner) == pytest.approx(1)
         assert np.abs(normals @ corner).max() == pytest.approx(1, abs=1e-5)
@@ -50,6 +50,18 @@ def test_polygons_keep_their_area(build, read):
     assert len(arrays.triangles) == 5 + 2
     assert areas(arrays.triangles).sum() == pytest.approx(3.5 * math.sin(2 * math.pi / 7) + 1.0, rel=1e-6)
     assert len(arrays.corner_vertex) == 11
+
+
+def test_corners_know_the_largest_triangle_beside_them(build, read):
+    kite = [(0, 0, 1), (9, 0, 1), (1, 1, 1), (0, 9, 1)]
+    build.object("Kite", kite, [(0, 1, 2, 3)], build.light()).scale = (2, 1, 1)
+    arrays = read()
+    centres = arrays.triangles.mean(axis=1)
+    assert len(centres) == 2
+    for corner, centre in zip(arrays.corner_position, arrays.corner_triangle_centre, strict=True):
+        touching = (np.abs(arrays.triangles - corner).max(axis=2) < 1e-6).any(axis=1)
+        largest = np.argmax(areas(arrays.triangles) * touching)
+        assert centre == pytest.approx(centres[largest]) or np.ptp(areas(arrays.triangles)[touching]) < 1e-5
 
 
 def test_every_face_has_its_own_material(build, read):
@@ -84,10 +96,25 @@ def test_no_material_is_grey(build, read):
 
 def test_open_meshes_are_two_sided(build, read):
     build.quad("Lamp", build.light())
-    build.cube("Closed")
+    build.cube("Closed").location = (0, 0, 3)
     build.object("Turned", [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 2, 3)])
     arrays = read()
     assert arrays.two_sided.tolist() == [True] * 2 + [False] * 12 + [True] * 4
+
+
+@pytest.mark.parametrize("inward", [False, True])
+def test_closed_rooms_are_two_sided(build, read, inward):
+    build.quad("Lamp", build.light(), down=True)
+    build.cube("Room", inward=inward, size=4)
+    build.cube("Box", size=0.5).location = (-1, -1, -1)
+    assert read().two_sided.tolist() == [True] * 2 + [True] * 12 + [False] * 12
+
+
+def test_neighbours_in_contact_are_one_sided(build, read):
+    build.quad("Lamp", build.light(), z=-0.5)
+    build.cube("Left").location = (0.5, 0.5, 0)
+    build.cube("Right").location = (1.5, 0.5, 0)
+    assert read().two_sided.tolist() == [True] * 2 + [False] * 24
 
 
 def test_instances_block_light_and_are_baked_once(build, read):
@@ -101,7 +128,28 @@ def test_instances_block_light_and_are_baked_once(build, read):
     arrays = read()
     assert len(arrays.triangles) == 2 + 3 * 12
     assert [receiver.mesh for receiver in arrays.receivers] == ["Lamp", "Part"]
-    assert warned(arrays, "mesh 'Part'", "shared")
+    assert warned(arrays, "mesh 'Part'", "'Holder 0', 'Holder 1', 'Holder 2'", "those of 'Holder 0'")
+
+
+def test_copies_with_one_name_are_counted(build, read):
+    build.quad("Lamp", build.light())
+    part, group = build.cube("Part", link=False), bpy.data.collections.new("Group")
+    group.objects.link(part)
+    group.objects.link(bpy.data.objects.new("Twin", part.data))
+    holder = bpy.data.objects.new("Holder", None)
+    holder.instance_type, holder.instance_collection = "COLLECTION", group
+    bpy.context.scene.collection.objects.link(holder)
+    assert warned(read(), "mesh 'Part' appears 2 times in 'Holder': its colours are those of the first")
+
+
+def test_mirrored_copy_is_named_apart(build, read):
+    build.quad("Lamp", build.light())
+    group = bpy.data.collections.new("Group")
+    group.objects.link(build.cube("Src"))
+    holder = bpy.data.objects.new("Mirror", None)
+    holder.instance_type, holder.instance_collection, holder.scale = "COLLECTION", group, (-1, 1, 1)
+    bpy.context.scene.collection.objects.link(holder)
+    assert warned(read(), "mesh 'Src' is shared by 'Src', 'Mirror': its colours are those of 'Src'")
 
 
 def test_linked_duplicates_are_baked_for_the_first(build, read):
