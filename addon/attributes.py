@@ -31,15 +31,18 @@ def write(receivers: Sequence[Receiver], colours: np.ndarray) -> None:
     replaced. Raises fmm_core.Error naming the mesh that cannot be written; every mesh is then as it was.
     """
     meshes = [_mesh_of(receiver) for receiver in receivers]
+    unfinished = []
     try:
         for mesh, receiver in zip(meshes, receivers, strict=True):
-            _add_unfinished(mesh, receiver, colours[receiver.rows])
+            domain, values = layer(receiver, colours[receiver.rows])
+            unfinished.append((mesh, _add(mesh, domain)))
+            mesh.color_attributes[unfinished[-1][1]].data.foreach_set("color", values.ravel())
     except Exception:
-        for mesh in meshes:
-            _remove(mesh, _UNFINISHED)
+        for mesh, name in unfinished:
+            _remove(mesh, name)
         raise
-    for mesh in meshes:
-        _finish(mesh)
+    for mesh, name in unfinished:
+        _finish(mesh, name)
 
 
 def layer(receiver: Receiver, colours: np.ndarray) -> tuple[str, np.ndarray]:
@@ -78,17 +81,17 @@ def _mesh_of(receiver: Receiver) -> bpy.types.Mesh:
     return mesh
 
 
-def _add_unfinished(mesh: bpy.types.Mesh, receiver: Receiver, colours: np.ndarray) -> None:
-    domain, values = layer(receiver, colours)
+def _add(mesh: bpy.types.Mesh, domain: str) -> str:
+    """Add a colour attribute; returns its name, which Blender changes where another attribute has it already."""
     attribute = mesh.color_attributes.new(name=_UNFINISHED, type="FLOAT_COLOR", domain=domain)
     if attribute is None:
         raise Error(f"Blender could not add a colour attribute to mesh '{mesh.name}'")
-    attribute.data.foreach_set("color", values.ravel())
+    return attribute.name
 
 
-def _finish(mesh: bpy.types.Mesh) -> None:
+def _finish(mesh: bpy.types.Mesh, unfinished: str) -> None:
     _remove(mesh, NAME)
-    mesh.color_attributes[_UNFINISHED].name = NAME
+    mesh.color_attributes[unfinished].name = NAME
     index = mesh.color_attributes.find(NAME)
     mesh.color_attributes.active_color_index = index
     mesh.color_attributes.render_color_index = index

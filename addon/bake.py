@@ -20,6 +20,8 @@ from . import attributes, export
 if TYPE_CHECKING:
     import bpy
 
+#: What ends a bake with one line for the user; anything else is a mistake of the program.
+FAILURES = (fmm_core.Error, MemoryError)
 #: Called with a fraction from 0 to 1 and a text; returning False cancels.
 Progress = Callable[[float, str], bool | None]
 
@@ -65,7 +67,7 @@ def compute(data: Input, settings: fmm_core.Settings, progress: Progress | None 
     scene = fmm_core.Scene(arrays.triangles, arrays.albedo, arrays.emission, arrays.two_sided)
     solution = fmm_core.solve(scene, settings, _part(progress, 0.0, 0.8))
     points = fmm_core.output_points(
-        arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_face_centre
+        arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangle_centre
     )
     irradiance = solution.irradiance(points.points, points.normals, _part(progress, 0.8, 1.0))
     return Result(arrays, outgoing_radiance(arrays, irradiance[points.inverse]), solution, data.seconds)
@@ -86,6 +88,13 @@ def write(result: Result) -> dict:
     report["seconds"] = seconds
     report["warnings"] = [*result.arrays.warnings, *report["warnings"]]
     return report
+
+
+def reason(error: Exception) -> str:
+    """Why a bake failed, for the user, in one line."""
+    if isinstance(error, MemoryError):
+        return " ".join(f"not enough memory: {error}".removesuffix(": ").split())
+    return " ".join(str(error).split())
 
 
 def _part(progress: Progress | None, start: float, end: float) -> Progress | None:

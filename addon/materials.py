@@ -21,6 +21,9 @@ Colour = tuple[float, float, float]
 GREY: Colour = (0.8, 0.8, 0.8)
 BLACK: Colour = (0.0, 0.0, 0.0)
 
+# Colours are single precision: far below its end, so that no sum of light gets there. The sun gives off 6e7 W/m^2.
+MAX_EMISSION = 1e20
+
 # Principled inputs that make a surface other than opaque and diffuse, with the value that switches each off.
 _NOT_DIFFUSE = {"Metallic": 0.0, "Transmission Weight": 0.0, "Alpha": 1.0}
 
@@ -41,7 +44,8 @@ class Surface:
 def read_material(material: bpy.types.Material | None) -> Surface:
     """The constants of a material; no material is Blender's grey of 0.8.
 
-    Raises fmm_core.Error naming material and value where a colour or strength is negative or not finite.
+    Raises fmm_core.Error naming material and value where a colour or strength is negative or not finite, or where the
+    emission is above MAX_EMISSION.
     """
     if material is None:
         return Surface(GREY, BLACK)
@@ -130,7 +134,11 @@ def _emission(
         return BLACK, []
     _check(strength, material, strength_name)
     radiance = _colour(colour, material, colour_name)
-    return tuple(math.pi * strength * channel for channel in radiance), remarks + more
+    emission = tuple(math.pi * strength * channel for channel in radiance)
+    if max(emission) > MAX_EMISSION:
+        raise Error(f"material '{material.name}' gives off {max(emission):.3g} W/m^2: at most {MAX_EMISSION:g} can be "
+                    "baked")  # fmt: skip
+    return emission, remarks + more
 
 
 def _input(shader: bpy.types.Node, name: str) -> tuple[object, list[str]]:

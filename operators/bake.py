@@ -7,7 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import ClassVar
 
 import bpy
-from fmm_core import Cancelled, Error
+from fmm_core import Cancelled
 
 from ..addon import bake, properties
 from ..addon.session import Running, session
@@ -39,7 +39,7 @@ class FMM_RADIOSITY_OT_bake(bpy.types.Operator):
         """Bake straight through."""
         try:
             report = bake.bake(context, properties.settings_of(context.scene))
-        except Error as error:
+        except bake.FAILURES as error:
             return self._fail(error)
         return self._succeed(report)
 
@@ -50,7 +50,7 @@ class FMM_RADIOSITY_OT_bake(bpy.types.Operator):
         try:
             settings = properties.settings_of(context.scene)
             data = bake.read(context)
-        except Error as error:
+        except bake.FAILURES as error:
             return self._fail(error)
         session.running = Running()
         self._pool = ThreadPoolExecutor(max_workers=1)
@@ -73,7 +73,7 @@ class FMM_RADIOSITY_OT_bake(bpy.types.Operator):
         self._stop(context)
         try:
             return self._succeed(bake.write(future.result()))
-        except Error as error:
+        except bake.FAILURES as error:
             return self._fail(error)
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -95,9 +95,11 @@ class FMM_RADIOSITY_OT_bake(bpy.types.Operator):
         self.report({"INFO"}, f"Radiosity baked: {bake.summary(report)}")
         return {"FINISHED"}
 
-    def _fail(self, error: Error) -> set[str]:
-        kind = "INFO" if isinstance(error, Cancelled) else "ERROR"
-        self.report({kind}, f"Bake {error}" if isinstance(error, Cancelled) else str(error))
+    def _fail(self, error: Exception) -> set[str]:
+        if isinstance(error, Cancelled):
+            self.report({"INFO"}, f"Bake {error}")
+        else:
+            self.report({"ERROR"}, bake.reason(error))
         return {"CANCELLED"}
 
 

@@ -38,7 +38,7 @@ def test_colours_are_radiance_at_the_output_points(build, fmm, read):
     scene = fmm_core.Scene(arrays.triangles, arrays.albedo, arrays.emission, arrays.two_sided)
     solution = fmm_core.solve(scene, SETTINGS)
     points = fmm_core.output_points(
-        arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_face_centre
+        arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangle_centre
     )
     irradiance = solution.irradiance(points.points, points.normals)[points.inverse]
     expected = (arrays.corner_emission + arrays.corner_albedo * irradiance) / math.pi
@@ -168,6 +168,55 @@ def test_failing_write_leaves_every_mesh(build, fmm, monkeypatch):
     bpy.data.meshes["Renamed"].name = "Box"
     assert all((colours == before[name]).all() for name, colours in all_baked().items())
     assert all(mesh.color_attributes.keys() == ["Radiosity"] for mesh in bpy.data.meshes)
+
+
+def test_other_attributes_are_kept_whatever_their_name(build, fmm, monkeypatch):
+    build.room()
+    box, floor = bpy.data.meshes["Box"], bpy.data.meshes["Floor"]
+    box.attributes.new("Radiosity (being written)", "FLOAT", "POINT").data[0].value = 7.0
+    floor.color_attributes.new("Radiosity (being written)", "FLOAT_COLOR", "POINT").data[0].color = (1, 2, 3, 4)
+
+    def check(*names):
+        for mesh in (box, floor):
+            assert sorted(mesh.attributes.keys()) == sorted([*before[mesh], *names])
+        assert box.attributes["Radiosity (being written)"].data[0].value == 7.0
+        assert tuple(floor.attributes["Radiosity (being written)"].data[0].color) == (1, 2, 3, 4)
+
+    before = {mesh: mesh.attributes.keys() for mesh in (box, floor)}
+    result = fmm.bake.compute(fmm.bake.read(bpy.context), SETTINGS)
+    with monkeypatch.context() as patch:
+        patch.setattr(fmm.attributes, "layer", lambda *_: ("CORNER", np.zeros(1, np.float32)))
+        with pytest.raises(RuntimeError):
+            fmm.bake.write(result)
+    check()
+    for _ in range(2):
+        fmm.bake.write(result)
+        check("Radiosity")
+
+
+def test_file_saved_in_edit_mode_is_baked_whole(build, command, tmp_path):
+    build.room()
+    for name in ("Box", "Floor"):
+        bpy.data.objects[name].select_set(True)
+    bpy.context.view_layer.objects.active = bpy.data.objects["Box"]
+    bpy.ops.object.mode_set(mode="EDIT")
+    path = tmp_path / "edited.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    assert command("bake", path, "-o", path) == (0, [])
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    assert all(baked(mesh)[:, :3].any() for mesh in bpy.data.meshes)
+
+
+def test_room_with_normals_outside_reflects_like_any_other(build):
+    build.quad("Lamp", build.light(), z=1, down=True)
+    build.cube("Box", size=0.5).location = (0.5, 0.5, -1)
+    room, colours = build.cube("Room", size=4), []
+    for _ in range(2):
+        bpy.ops.fmm_radiosity.bake()
+        colours.append(baked(bpy.data.meshes["Box"])[:, :3])
+        room.data.flip_normals()
+    assert (colours[0] > 0.01).all()
+    assert np.allclose(*colours, rtol=0.05)
 
 
 def test_undo_brings_the_earlier_colours_back(build):
