@@ -7,6 +7,7 @@ Exit status: 0 done, 1 the bake failed, 2 bad arguments. An error is one line on
 from __future__ import annotations
 
 import argparse
+import errno
 import json
 import os
 import sys
@@ -16,10 +17,12 @@ from pathlib import Path
 from typing import NoReturn
 
 import fmm_core
+import numpy as np
 
-from .bake import summary
+from . import bake, files, preview
 
 PROGRAM = "fmm-radiosity"
+_SUFFIXES = {"-o": ".blend", "--report": ".json", "--preview": ".png"}
 
 
 class UsageError(Exception):
@@ -38,12 +41,10 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         fmm_core.Settings(**_chosen(options))
     except fmm_core.Error as error:
         raise UsageError(str(error)) from None
-    outputs = {"-o": options.output, "--report": options.report, "--preview": options.preview}
-    named = {name: path.absolute() for name, path in outputs.items() if path is not None}
-    if len(set(named.values())) < len(named):
-        raise UsageError(f"{' and '.join(named)} must name different files")
-    if options.output.suffix != ".blend":
-        raise UsageError(f"-o: '{options.output}' must end in .blend")
+    for name, path in _outputs(options).items():
+        if path.suffix != _SUFFIXES[name]:
+            raise UsageError(f"{name}: '{path}' must end in {_SUFFIXES[name]}")
+    _check_distinct(options, options.scene)
     return options
 
 
@@ -52,18 +53,18 @@ def main(argv: Sequence[str]) -> int:
     try:
         options = parse(argv)
         with _quiet():
-            report = _bake(options)
+            report = _run(options)
     except SystemExit:
         return 0
     except UsageError as error:
         return fail(error, 2)
-    except (fmm_core.Error, OSError) as error:
-        return fail(error, 1)
+    except (*bake.FAILURES, OSError) as error:
+        return fail(bake.reason(error), 1)
     except KeyboardInterrupt:
         return fail("interrupted", 1)
     for warning in report["warnings"]:
         _say(f"{PROGRAM}: warning: {warning}")
-    sys.stdout.write(f"{options.output}: {summary(report)}\n")
+    sys.stdout.write(f"{options.output}: {bake.summary(report)}\n")
     return 0
 
 
@@ -73,21 +74,42 @@ def fail(error: Exception | str, status: int) -> int:
     return status
 
 
+def _outputs(options: argparse.Namespace) -> dict[str, Path]:
+    """The files to write, by the option that names them."""
+    given = {"-o": options.output, "--report": options.report, "--preview": options.preview}
+    return {name: path for name, path in given.items() if path is not None}
+
+
+def _check_distinct(options: argparse.Namespace, scene: Path | str | None) -> None:
+    """Raise UsageError where two outputs are one file, links followed, or one other than -o is the scene itself."""
+    known = {os.path.realpath(scene): "the scene"} if scene else {}
+    for name, path in _outputs(options).items():
+        other = known.setdefault(os.path.realpath(path), name)
+        if other != name and (name, other) != ("-o", "the scene"):
+            raise UsageError(f"{name}: '{path}' is the same file as {other}")
+
+
 def _parser() -> _Parser:
     parser = _Parser(prog=PROGRAM, description="Radiosity baked into vertex colours.")
     commands = parser.add_subparsers(title="commands", required=True, metavar="command")
     command = commands.add_parser("bake", help="bake a scene", description="Bake the radiosity of a scene.")
     add = command.add_argument
-    add("scene", nargs="?", type=Path, help="the .blend file to read (inside Blender: the open file)")
-    add("-o", "--output", required=True, type=Path, help="the .blend file to write")
+    add("scene", nargs="?", type=_file, help="the .blend file to read (inside Blender: the open file)")
+    add("-o", "--output", required=True, type=_file, help="the .blend file to write")
     add("-p", "--truncation", type=int, help="order p of the expansions, 0 to 20 (default: as saved in the scene)")
     add("-s", "--grouping", type=int, help="particles s in a leaf of the octree (default: as saved in the scene)")
     add("--method", help="direct: every particle with every other one")
     add("--target-error", type=float, help="relative error that is good enough, as 0.01")
     add("--particles", type=int, help="about how many points gather the light (default: chosen from the scene)")
-    add("--report", type=Path, help="also write numbers and warnings to this .json file")
-    add("--preview", type=Path, help=f"also render a picture of {512} x {512} to this .png file")
+    add("--report", type=_file, help="also write numbers and warnings to this .json file")
+    add("--preview", type=_file, help=f"also render a picture of {preview.SIZE} x {preview.SIZE} to this .png file")
     return parser
+
+
+def _file(name: str) -> Path:
+    if not name:
+        raise argparse.ArgumentTypeError("expected the name of a file, got an empty one")
+    return Path(name)
 
 
 def _chosen(options: argparse.Namespace) -> dict[str, object]:
@@ -96,27 +118,37 @@ def _chosen(options: argparse.Namespace) -> dict[str, object]:
     return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
 
 
-def _bake(options: argparse.Namespace) -> dict:
+def _run(options: argparse.Namespace) -> dict:
     import bpy
 
-    from . import bake, files, preview, properties
+    from . import properties
 
-    wanted = [path for path in (options.output, options.report, options.preview) if path is not None]
-    files.check_writable(wanted)
+    _check_distinct(options, options.scene or bpy.data.filepath)
+    files.check_writable(_outputs(options).values())
     _open(options.scene)
+    _leave_edit_mode()
     context = bpy.context
     settings = properties.settings_of(context.scene, **_chosen(options))
     data = bake.read(context)
     report = bake.write(bake.compute(data, settings, _progress()))
-    with files.Staged() as staged:
-        _save(staged.path(options.output))
-        if options.preview is not None:
-            corners = data.arrays.corner_position
-            preview.render(context.scene, context.view_layer, corners, staged.path(options.preview))
-        if options.report is not None:
-            staged.path(options.report).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-        staged.commit()
+    _write_files(options, report, data.arrays.corner_position)
     return report
+
+
+def _write_files(options: argparse.Namespace, report: dict, corners: np.ndarray) -> None:
+    """Write all of the wanted files or none; corners (C,3) in m are what a preview has to show."""
+    import bpy
+
+    with files.Staged() as staged:
+        with files.writing(options.output):
+            _save(staged.path(options.output))
+        if options.preview is not None:
+            with files.writing(options.preview):
+                preview.render(bpy.context.scene, bpy.context.view_layer, corners, staged.path(options.preview))
+        if options.report is not None:
+            with files.writing(options.report):
+                staged.path(options.report).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+        staged.commit()
 
 
 def _open(scene: Path | None) -> None:
@@ -126,21 +158,39 @@ def _open(scene: Path | None) -> None:
         if not bpy.data.filepath:
             raise fmm_core.Error("no scene: name a .blend file to read")
         return
-    if not scene.is_file():
-        raise fmm_core.Error(f"cannot read '{scene}': {'it is a folder' if scene.is_dir() else 'no such file'}")
+    files.check_readable(scene)
     try:
         bpy.ops.wm.open_mainfile(filepath=str(scene.absolute()), load_ui=False, use_scripts=False)
     except RuntimeError as error:
-        raise fmm_core.Error(f"cannot read '{scene}': {str(error).removeprefix('Error: ')}") from None
+        raise fmm_core.Error(f"cannot read '{scene}': {_told(error)}") from None
+
+
+def _leave_edit_mode() -> None:
+    """Leave Edit Mode, where a mesh is evaluated without its faces."""
+    import bpy
+
+    objects = bpy.context.view_layer.objects
+    active = objects.active
+    for obj in objects:
+        if obj.mode == "EDIT":
+            objects.active = obj
+            bpy.ops.object.mode_set(mode="OBJECT")
+    objects.active = active
 
 
 def _save(path: Path) -> None:
     import bpy
 
     try:
-        bpy.ops.wm.save_as_mainfile(filepath=str(path.absolute()), copy=True, compress=True)
+        # Blender does not notice a full disk when it compresses.
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=False)
     except RuntimeError as error:
-        raise fmm_core.Error(f"cannot write: {str(error).removeprefix('Error: ')}") from None
+        raise OSError(errno.EIO, f"Blender could not save it, is the disk full? ({_told(error)})") from None
+
+
+def _told(error: RuntimeError) -> str:
+    """What Blender reported, without its prefix."""
+    return " ".join(str(error).split()).removeprefix("Error: ")
 
 
 @contextmanager

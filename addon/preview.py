@@ -7,6 +7,7 @@ all of that is removed again.
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,16 +21,18 @@ if TYPE_CHECKING:
 
 SIZE = 512
 SAMPLES = 16
+_PNG_END = b"IEND\xaeB`\x82"
 
 
 def render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, corners: np.ndarray, path: Path) -> None:
     """Render the baked scene to a PNG file, from its camera or, without one, from where everything is in view.
 
-    corners (C,3): positions in m that a camera of its own has to see. Raises fmm_core.Error where Blender cannot.
+    corners (C,3): positions in m that a camera of its own has to see. Raises fmm_core.Error where Blender cannot
+    render, OSError where the file is not whole.
     """
     import bpy
 
-    material = _attribute_material()
+    material = _attribute_material(_white(scene))
     images = set(bpy.data.images)
     copy = scene.copy()
     camera = None
@@ -49,9 +52,18 @@ def render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, corners: np.ndarr
         bpy.data.materials.remove(material)
         for image in set(bpy.data.images) - images:
             bpy.data.images.remove(image)
+    # Blender does not mind a disk that is full.
+    if not path.is_file() or not path.read_bytes().endswith(_PNG_END):
+        raise OSError(errno.EIO, "Blender could not save it, is the disk full?")
 
 
-def _attribute_material() -> bpy.types.Material:
+def _white(scene: bpy.types.Scene) -> float:
+    """Radiance that the exposure of a scene shows as white."""
+    return 2.0**-scene.view_settings.exposure / scene.cycles.film_exposure
+
+
+def _attribute_material(white: float) -> bpy.types.Material:
+    """Emission from the attribute, cut at white: a lamp as it is would outshine the other samples of a pixel."""
     import bpy
 
     material = bpy.data.materials.new("Radiosity preview")
@@ -63,7 +75,11 @@ def _attribute_material() -> bpy.types.Material:
     attribute.attribute_name = NAME
     emission = nodes.new("ShaderNodeEmission")
     output = nodes.new("ShaderNodeOutputMaterial")
-    links.new(attribute.outputs["Color"], emission.inputs["Color"])
+    shown = nodes.new("ShaderNodeVectorMath")
+    shown.operation = "MINIMUM"
+    shown.inputs[1].default_value = (white, white, white)
+    links.new(attribute.outputs["Color"], shown.inputs[0])
+    links.new(shown.outputs["Vector"], emission.inputs["Color"])
     links.new(emission.outputs["Emission"], output.inputs["Surface"])
     return material
 

@@ -2,12 +2,31 @@
 """`fmm-radiosity` in the repository's own environment."""
 
 import json
+import math
 import subprocess
 import sys
 
 import pytest
 
 START = "import sys; from addon.standalone import main; status = main(); {after}; sys.exit(status)"
+
+COLOURS = """
+import bpy, json, numpy as np, sys
+bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
+found = {}
+for mesh in bpy.data.meshes:
+    data = mesh.color_attributes["Radiosity"].data
+    values = np.empty(4 * len(data), np.float32)
+    data.foreach_get("color", values)
+    found[mesh.name] = values.reshape(-1, 4)[:, :3].ravel().tolist()
+print("\\n" + json.dumps(found))
+"""
+
+
+def colours(path):
+    """Red, green and blue of every mesh of a baked file, all in one list for each."""
+    done = subprocess.run([sys.executable, "-c", COLOURS, str(path)], check=True, capture_output=True, text=True)
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 @pytest.fixture
@@ -50,4 +69,10 @@ def test_bake_of_an_example(run, root, tmp_path):
     assert report["warnings"] == []
     assert report["seconds"]["export"] > 0
     assert report["seconds"]["total"] >= report["seconds"]["export"] + report["seconds"]["write"]
-    assert out.stat().st_size > 100_000
+    radiance = colours(out)
+    assert [len(values) > 0 for values in radiance.values()] == [True, True]
+    for values in radiance.values():
+        assert all(math.isfinite(value) and value >= 0 for value in values)
+        assert max(values) > 0.1
+    # Red and green walls beside white ones: what is written is more than one colour.
+    assert len(set(radiance["Room"])) > 1000
