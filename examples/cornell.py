@@ -53,7 +53,7 @@ def build(blocks: Sequence[str]) -> None:
 
 
 def _room(blocks: Sequence[Sequence[Sequence[float]]]) -> Surface:
-    """Five walls as one mesh, open in front, and cut where the blocks stand and the light hangs."""
+    """Five walls as one mesh, open in front, and cut where the blocks stand and the light is."""
     room = Surface()
     count = divisions(5.55, CELL)
     footprints = [[_place(corner).xy for corner in block] for block in blocks]
@@ -72,10 +72,10 @@ def _room(blocks: Sequence[Sequence[Sequence[float]]]) -> Surface:
 
 
 def _light() -> Surface:
-    """A flat closed box in the opening of the ceiling that shines from its lower side, just below the ceiling."""
+    """A flat closed box above the ceiling that shines from its lower side, which fills the opening exactly."""
     corners = [_place(corner) for corner in LIGHT]
     lamp = Surface()
-    box(lamp, [corner.xy for corner in corners], corners[0].z - 0.001, corners[0].z + 0.05, CELL, (0, 0, 1))
+    box(lamp, [corner.xy for corner in corners], corners[0].z, corners[0].z + 0.05, CELL, (0, 0, 1))
     return lamp
 
 

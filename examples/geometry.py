@@ -16,6 +16,8 @@ from mathutils import Matrix, Vector
 from mathutils.geometry import delaunay_2d_cdt
 
 WELD = 1e-4
+# Least height of a triangle, as a share of its longest edge.
+THINNEST = 1e-3
 Polygon = Sequence[Sequence[float]]
 
 
@@ -38,7 +40,10 @@ class Surface:
             self.slots.append(slot)
 
     def object(self, name: str, materials: Sequence[bpy.types.Material], smooth: bool = False) -> bpy.types.Object:
-        """Weld the patches along their rims, pair triangles into quads, and link the object to the open scene."""
+        """Weld the patches along their rims, pair triangles into quads, and link the object to the open scene.
+
+        Raises ValueError where a triangle is a sliver.
+        """
         mesh = bpy.data.meshes.new(name)
         mesh.from_pydata(self.vertices, [], self.faces)
         for material in materials:
@@ -51,6 +56,7 @@ class Surface:
         bmesh.ops.join_triangles(edit, faces=edit.faces, angle_face_threshold=0.01, angle_shape_threshold=0.5)
         edit.to_mesh(mesh)
         edit.free()
+        _check_slivers(mesh)
         obj = bpy.data.objects.new(name, mesh)
         bpy.context.scene.collection.objects.link(obj)
         return obj
@@ -88,8 +94,21 @@ def perforated(
         rims += [(len(flat) + i, len(flat) + (i + 1) % len(rim)) for i in range(len(rim))]
         flat += rim
     points, _, triangles, *_ = delaunay_2d_cdt(flat, rims, [], 0, 1e-6)
-    kept = [t for t in triangles if not any(_inside(sum((points[i] for i in t), Vector((0, 0))) / 3, h) for h in holes)]
+    shapes = ([points[i] for i in t] for t in triangles)
+    kept = [t for t, shape in zip(triangles, shapes, strict=True) if not _left_open(shape, holes)]
     return [Vector((*point, height)) for point in points], kept
+
+
+def _left_open(triangle: Sequence[Vector], holes: Sequence[Polygon]) -> bool:
+    # Along the outline rounding bends rows of vertices a little, and slivers bridge the bends.
+    middle = sum(triangle, Vector((0, 0))) / 3
+    return thinness(triangle) < THINNEST or any(_inside(middle, hole) for hole in holes)
+
+
+def thinness(triangle: Sequence[Vector]) -> float:
+    """Height of a triangle as a share of its longest edge."""
+    a, b, c = (point.to_3d() for point in triangle)
+    return (b - a).cross(c - a).length / max((b - a).length_squared, (c - b).length_squared, (a - c).length_squared)
 
 
 def box(
@@ -111,6 +130,14 @@ def box(
             a, b, c, _ = rings[z]
             nu, nv = divisions((b - a).length, cell), divisions((c - b).length, cell)
             surface.add(*grid(rings[z], nu, nv), slot, Vector((0, 0, facing)))
+
+
+def _check_slivers(mesh: bpy.types.Mesh) -> None:
+    mesh.calc_loop_triangles()
+    for triangle in mesh.loop_triangles:
+        corners = [mesh.vertices[i].co for i in triangle.vertices]
+        if thinness(corners) < THINNEST:
+            raise ValueError(f"{mesh.name}: the triangle at {tuple(corners[0])} is a sliver")
 
 
 def add_globe(name: str, material: bpy.types.Material, centre: Vector, radius: float) -> None:

@@ -15,6 +15,7 @@ Colour = Sequence[float]
 def start() -> None:
     """Open an empty scene with a square picture of 512 x 512."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.preferences.filepaths.save_version = 0
     render = bpy.context.scene.render
     render.engine = "CYCLES"
     render.resolution_x = render.resolution_y = 512

@@ -72,6 +72,20 @@ def test_operator_and_command_line_agree(build, command, tmp_path):
         assert np.allclose(colours, by_operator[name], atol=1e-6)
 
 
+def test_preview_of_a_lamp_is_the_same_however_bright(build, command, tmp_path):
+    glow = build.light("Glow", (1.0, 1.0, 1.0))
+    build.quad("Lamp", glow).rotation_euler = (0.5, 0.2, 0.3)
+    pictures = []
+    for strength in (1.0, 100.0):
+        glow.node_tree.nodes["Emission"].inputs["Strength"].default_value = strength
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "lamp.blend"))
+        path = tmp_path / f"{strength}.png"
+        assert command("bake", "-o", tmp_path / "out.blend", "--preview", path) == (0, [])
+        pictures.append(np.array(bpy.data.images.load(str(path)).pixels))
+    assert pictures[0].max() == 1
+    assert np.abs(pictures[0] - pictures[1]).max() < 0.01
+
+
 def contents():
     """Everything of the open scene that a bake could have touched, without its own attribute."""
     blocks = {
