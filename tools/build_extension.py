@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import os
 import platform
 import shutil
 import subprocess
@@ -20,6 +21,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 WHEELS = ROOT / "wheels"
+# `uv run` names itself; otherwise uv is the program of that name, or the module that pip installed.
+UV = [name] if (name := os.environ.get("UV") or shutil.which("uv")) else [sys.executable, "-m", "uv"]
 CONTENT = ("__init__.py", "addon", "operators", "LICENSE")
 # Blender 4.2 to 5.0, 5.1 and 5.2 from blender.org, and builds of Linux distributions.
 PYTHONS = ("3.11", "3.13", "3.14")
@@ -68,7 +71,7 @@ def core_wheel() -> Path:
     """Build the wheel of the core from its sources."""
     for old in WHEELS.glob("fmm_core-*.whl"):
         old.unlink()
-    run("uv", "build", "--wheel", "--quiet", "--out-dir", str(WHEELS), str(ROOT / "core"))
+    run(*UV, "build", "--wheel", "--quiet", "--out-dir", str(WHEELS), str(ROOT / "core"))
     return one_wheel("fmm_core-*-abi3-*.whl")
 
 
@@ -78,7 +81,7 @@ def embreex_wheels() -> list[Path]:
     wanted = next(text for text in core["project"]["dependencies"] if text.startswith("embreex"))
     for version in PYTHONS:
         if not list(WHEELS.glob(embreex_pattern(version))):
-            run("uvx", "--quiet", "pip", "--quiet", "download", "--no-deps", "--only-binary=:all:",
+            run(*UV, "tool", "run", "--quiet", "pip", "--quiet", "download", "--no-deps", "--only-binary=:all:",
                 "--python-version", version, "--dest", str(WHEELS), wanted)  # fmt: skip
     return [one_wheel(embreex_pattern(version)) for version in PYTHONS]
 

@@ -49,8 +49,9 @@ def python(version: str) -> Path:
     interpreter = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     if not (folder / "ready").exists():
         needs, numpy = VERSIONS[version]
-        subprocess.run(["uv", "venv", "--quiet", "--clear", "-p", needs, str(folder)], check=True)
-        command = ["uv", "pip", "install", "--quiet", "-p", str(interpreter), f"bpy=={version}", numpy, "pytest>=8"]
+        uv = build_extension.UV
+        subprocess.run([*uv, "venv", "--quiet", "--clear", "-p", needs, str(folder)], check=True)
+        command = [*uv, "pip", "install", "--quiet", "-p", str(interpreter), f"bpy=={version}", numpy, "pytest>=8"]
         subprocess.run(command, check=True)
         (folder / "ready").touch()
     return interpreter
