@@ -23,6 +23,18 @@ def room(size=(1.0, 1.0, 1.0)) -> Triangles:
     return np.concatenate(faces) * np.asarray(size)
 
 
+def subdivided_room(per_side: int) -> Triangles:
+    """The unit cube seen from inside, each face a grid of 2 * per_side**2 triangles."""
+    cells = np.stack(np.meshgrid(*[np.arange(per_side)] * 2), axis=-1).reshape(-1, 2) / per_side
+    faces = []
+    for a, b, _, d in (face.reshape(6, 3)[[0, 1, 2, 5]] for face in room().reshape(6, 2, 3, 3)):
+        u, v = (b - a) / per_side, (d - a) / per_side
+        for s, t in cells:
+            corner = a + s * (b - a) + t * (d - a)
+            faces.append(quad(corner, corner + u, corner + u + v, corner + v))
+    return np.concatenate(faces)
+
+
 def sphere(radius: float, subdivisions: int, inward: bool = False) -> Triangles:
     """An octahedron subdivided and pushed to the sphere."""
     axes = np.eye(3)

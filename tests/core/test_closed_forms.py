@@ -50,10 +50,18 @@ def test_closed_cube_furnace_is_exact_in_its_corners_too(scale):
     assert np.abs(solution.radiosity / 2 - 1).max() < 1e-3
 
 
+@pytest.mark.parametrize("per_side", [1, 4, 14, 20])
+def test_furnace_is_exact_on_meshes_of_any_density(per_side):
+    triangles = shapes.subdivided_room(per_side)
+    solution = fmm_core.solve(fmm_core.Scene(triangles, albedo=0.5, emission=1.0))
+    points, normals = shapes.corner_points(triangles)
+    assert np.abs((1.0 + 0.5 * solution.irradiance(points, normals)) / 2 - 1).max() < 1e-3
+
+
 @pytest.mark.parametrize("quadrature", [1, 2, 4, 5])
 def test_every_quadrature_rule_keeps_the_furnace(quadrature):
     cube = shapes.room()
-    settings = fmm_core.Settings(particles=1500, quadrature=quadrature, near_reach=16.0)
+    settings = fmm_core.Settings(particles=1500, quadrature=quadrature)
     solution = fmm_core.solve(fmm_core.Scene(cube, albedo=0.5, emission=1.0), settings)
     points, normals = shapes.corner_points(cube)
     assert np.abs((1.0 + 0.5 * solution.irradiance(points, normals)) / 2 - 1).max() < 1e-3

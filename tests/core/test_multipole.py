@@ -111,14 +111,32 @@ def test_any_cloud_of_particles_gives_finite_light_close_to_the_direct_sum(
     assert (np.abs(found - exact) <= (0.16 * 0.61**truncation + ratio ** (truncation + 1)) * scale).all()
 
 
-def test_cost_model_scales_with_the_work_and_chooses_a_grouping():
+def test_unit_costs_are_positive_and_seconds_add_them_up():
+    unit = cost.unit_costs(3, "whole", 1)
+    assert set(unit) == set(cost.WORK)
+    assert min(unit[work] for work in ("p2m", "m2l", "l2p", "p2p")) > 0
+    nothing = dict.fromkeys(cost.WORK.values(), 0)
+    one = cost.seconds(nothing | {"interactions": 1000}, 3, "whole", 1)
+    assert one == pytest.approx(1000 * unit["m2l"])
+
+
+def test_dear_near_pairs_make_small_leaves_and_dear_translations_large_ones(monkeypatch):
+    points, normals = cost._room(20_000)
+    chosen = []
+    for dear in ("p2p", "m2l"):
+        unit = dict.fromkeys(cost.WORK, 1e-9) | {dear: 1e-4}
+        monkeypatch.setattr(cost, "unit_costs", lambda *_, unit=unit: unit)
+        chosen.append(cost.choose_grouping(points, normals, fmm_core.Settings(truncation=4)))
+    assert chosen[0] < chosen[1]
+    assert set(chosen) <= set(cost.GROUPINGS)
+
+
+def test_sixteen_times_the_points_on_surfaces_are_sixteen_times_the_work():
     points, normals = cost._room(40_000)
     few = cost.predicted_counts(points[:2500], normals[:2500], 64, 4, "whole", 1)
     many = cost.predicted_counts(points, normals, 64, 4, "whole", 1)
-    # Sixteen times the points on surfaces are two levels more of the same tree.
-    assert 8 < cost.seconds(many, 4, "whole", 1) / cost.seconds(few, 4, "whole", 1) < 32
-    assert cost.seconds(many, 8, "whole", 1) > 2 * cost.seconds(many, 2, "whole", 1)
-    assert cost.choose_grouping(points, normals, fmm_core.Settings(truncation=4)) in cost.GROUPINGS
+    for what in ("boxes", "interactions", "points"):
+        assert 8 < many[what] / few[what] < 32
 
 
 def test_sampled_counts_predict_those_of_the_whole_tree():

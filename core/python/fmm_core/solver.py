@@ -18,10 +18,7 @@ from .transport import Operator, Sums
 from .visibility import Occlusion
 
 #: Quadrature points that a scene of few triangles is cut into when the user leaves the number open.
-AUTOMATIC_PARTICLES = 1500
-
-#: Triangles count as coarse where each is to have this many particles; they get the rule of degree 2.
-COARSE = 6
+AUTOMATIC_PARTICLES = 1200
 
 
 def solve(scene: Scene, settings: Settings | None = None, progress: Progress | None = None) -> Solution:
@@ -43,12 +40,12 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solut
         report.warnings.append(f"target_error {settings.target_error:g} is not used yet")
     with report.time("tree"):
         count = settings.particles or AUTOMATIC_PARTICLES
-        degree = settings.quadrature or (2 if COARSE * len(scene.triangles) <= count else 1)
+        degree = settings.quadrature or (2 if len(scene.triangles) < count else 1)
         particles = make_particles(scene, count, degree)
     report.counts.update(triangles=len(scene.triangles), particles=len(particles))
     with report.time("visibility"):
         occlusion = Occlusion(scene) if settings.visibility == "rays" else None
-    sums = Sums(particles, occlusion, settings.near_reach)
+    sums = Sums(particles, occlusion, settings.near_reach or (12.0 if degree == 1 else 4.0))
     with report.time("lists" if settings.method == "fmm" else "visibility"):
         space = MultipoleSpace(sums, settings) if settings.method == "fmm" else DirectSpace(sums)
         exchange = space.exchange(ticker(progress, 0.0, 0.8, "Preparing the exchange"))
