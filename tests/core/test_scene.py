@@ -69,6 +69,11 @@ def test_wrong_setting_is_refused_by_name_and_value(option, value):
         fmm_core.Settings(**{option: value})
 
 
+def test_compressed_expansion_is_refused_where_its_set_up_would_take_for_ever():
+    with pytest.raises(fmm_core.Error, match="compressed expansion goes up to 8, got 9"):
+        fmm_core.Settings(truncation=9, expansion="compressed")
+
+
 def test_triangles_without_area_are_left_out_with_a_warning():
     line = [[[0, 0, 0], [1, 1, 1], [2, 2, 2]]]
     scene = fmm_core.Scene(np.concatenate([CUBE[:5], line, CUBE[5:]]), emission=1.0)

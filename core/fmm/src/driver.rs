@@ -8,6 +8,7 @@ use crate::lists::{Batches, Lists, ListsOptions};
 use crate::octree::Octree;
 use crate::passes::Passes;
 use crate::translations::Translations;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Target boxes whose interaction lists one thread takes together: enough pairs of one offset for a matrix product.
@@ -19,9 +20,15 @@ pub fn grazing(truncation: usize) -> f64 {
     0.16 * 0.61_f64.powi(truncation.min(20) as i32)
 }
 
+/// Pairs of points that are summed directly in the time that one multipole-to-local translation takes: leaves with fewer
+/// are near neighbours wherever they are, which is exact, too. Both rates are those of a core with AVX-512.
+pub fn direct_pairs(multipole_len: usize) -> usize {
+    multipole_len * multipole_len / 10
+}
+
 /// Everything that does not depend on the strengths: step 1, "Setup".
 pub struct Fmm {
-    expansion: Box<dyn Expansion>,
+    expansion: Arc<dyn Expansion>,
     targets: Octree,
     sources: Octree,
     lists: Lists,
@@ -36,7 +43,7 @@ pub type Seconds = Vec<(&'static str, f64)>;
 impl Fmm {
     /// Lists and translations of two octrees on one grid; `softening` (N,) as in [`Sources::new`], scene order.
     pub fn new(
-        expansion: Box<dyn Expansion>,
+        expansion: Arc<dyn Expansion>,
         targets: Octree,
         sources: Octree,
         softening: &[f64],
@@ -45,7 +52,7 @@ impl Fmm {
         same_length("source softening", sources.n_points(), softening.len())?;
         let lists = Lists::new(&targets, &sources, options)?;
         let batches = lists.batches(&targets, &sources, TARGETS_PER_SLAB);
-        let translations = Translations::new(expansion.as_ref(), &batches);
+        let translations = Translations::new(expansion.as_ref(), &batches, options.separation);
         let softening: Vec<f64> = sources.to_scene.iter().map(|&j| softening[j as usize]).collect();
         let leaves = sources.points_of_leaves();
         let points = Sources::grouped(&sources.positions, &sources.normals, &softening, leaves)?;
@@ -71,8 +78,8 @@ impl Fmm {
         };
         let mut clock = Clock::default();
         let q = self.sources.in_tree_order(strengths);
-        let mut multipoles = passes.zero_multipoles();
-        let mut locals = passes.zero_locals();
+        let mut multipoles = passes.zero_multipoles()?;
+        let mut locals = passes.zero_locals()?;
         let mut irradiance = vec![[0.0; 3]; self.targets.n_points()];
 
         // Step 2, multipole coefficients.

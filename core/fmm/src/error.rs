@@ -19,6 +19,10 @@ pub enum Error {
         index: usize,
         count: usize,
     },
+    /// The coefficients of all boxes do not fit.
+    Memory {
+        bytes: usize,
+    },
     Octree(OctreeError),
     Lists(ListsError),
 }
@@ -28,6 +32,7 @@ impl fmt::Display for Error {
         match self {
             Error::Length { what, expected, found } => write!(f, "{what}: expected {expected} rows, found {found}"),
             Error::Index { what, index, count } => write!(f, "{what}: index {index} is out of range for {count}"),
+            Error::Memory { bytes } => write!(f, "no memory for {} MiB of coefficients", bytes >> 20),
             Error::Octree(error) => error.fmt(f),
             Error::Lists(error) => error.fmt(f),
         }

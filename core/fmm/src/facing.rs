@@ -73,6 +73,17 @@ struct Extent {
     wall: Option<usize>,
 }
 
+/// Cosine up to which rounding of the positions may decide, and difference up to which normals count as the same.
+const ROUNDED_COSINE: f64 = 1e-3;
+
+/// Distances from the horizon that count as zero, scene units.
+struct Tolerance {
+    /// Where a pair is left out.
+    none: f64,
+    /// Where a pair is expanded, a little behind the horizon.
+    all: f64,
+}
+
 impl FacingTest {
     /// Both octrees must have normals; they may be the same one. grazing: cosine that may pass for zero, 0 for none.
     pub fn new(targets: &Octree, sources: &Octree, grazing: f64) -> Result<Self, OctreeError> {
@@ -92,32 +103,38 @@ impl FacingTest {
         let (a, b) = (&sources.boxes[s], &self.targets.boxes[t]);
         let d = sub(b.middle, a.middle);
         let tolerance = self.tolerance(a, b, d);
-        let settled = |range: [f64; 2]| range[0] >= -tolerance || range[1] <= tolerance;
+        let settled = |range: [f64; 2]| range[0] >= -tolerance.all || range[1] <= tolerance.none;
         let refined = |from: (&Extents, usize), to: (&Extents, usize), d| {
             let rough = rough_range(&from.0.boxes[from.1], &to.0.boxes[to.1], d);
             if settled(rough) { rough } else { self.fine_range(from, to, d) }
         };
 
         let sent = refined((sources, s), (&self.targets, t), d);
-        if sent[1] <= tolerance {
+        if sent[1] <= tolerance.none {
             return Facing::None;
         }
         let received = refined((&self.targets, t), (sources, s), scale(d, -1.0));
-        if received[1] <= tolerance {
+        if received[1] <= tolerance.none {
             Facing::None
-        } else if sent[0] >= -tolerance && received[0] >= -tolerance {
+        } else if sent[0] >= -tolerance.all && received[0] >= -tolerance.all {
             Facing::All
         } else {
             Facing::Some
         }
     }
 
-    /// |n.d| up to which a source in box a and a target in box b pass for lying at the horizon; d joins the middles.
-    fn tolerance(&self, a: &Extent, b: &Extent, d: [f64; 3]) -> f64 {
-        let rounding = TOLERANCE * (norm(d) + a.radius + b.radius) + self.precision;
+    /// |n.d| up to which a pair of points may pass for lying at the horizon; d joins the middles of their boxes.
+    fn tolerance(&self, a: &Extent, b: &Extent, d: [f64; 3]) -> Tolerance {
+        let size = a.radius + b.radius;
+        let rounding = TOLERANCE * (norm(d) + size) + self.precision;
         // No pair of points is nearer than the bounding boxes: the cosine stays below `grazing` also for the nearest.
-        let between = [0, 1, 2].map(|i| (d[i].abs() - a.half[i] - b.half[i]).max(0.0));
-        rounding.max(self.grazing * norm(between))
+        let between = norm([0, 1, 2].map(|i| (d[i].abs() - a.half[i] - b.half[i]).max(0.0)));
+        // Rounding may leave out a pair by itself only where nothing is lost: between walls that look the same way.
+        let same_way = dot(a.cone.axis, b.cone.axis) > 1.0 - ROUNDED_COSINE && a.chord + b.chord < ROUNDED_COSINE;
+        let dropped = if same_way { rounding } else { rounding.min(ROUNDED_COSINE * between) };
+        let kept = rounding.min(ROUNDED_COSINE * (between + size));
+        let grazing = self.grazing * between;
+        Tolerance { none: dropped.max(grazing), all: kept.max(grazing) }
     }
 
     /// Bounds of n_y.(x - y) for y in box `from` and x in box `to`, from everything that is known; d joins their middles.

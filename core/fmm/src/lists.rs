@@ -43,15 +43,12 @@ pub struct ListsOptions {
     /// A pair of well separated leaves of one level with at most this many pairs of points goes to the near neighbours;
     /// 0 keeps the classical lists.
     pub direct_pairs: usize,
-    /// In a pair of leaves of different levels a smaller leaf with at most this many points is not expanded; 0 keeps the
-    /// classical lists.
-    pub direct_points: usize,
 }
 
 impl ListsOptions {
     /// The classical lists.
     pub fn new(separation: u32, facing: bool) -> Self {
-        Self { separation, facing, grazing: 0.0, direct_pairs: 0, direct_points: 0 }
+        Self { separation, facing, grazing: 0.0, direct_pairs: 0 }
     }
 }
 

@@ -113,10 +113,9 @@ impl Traversal<'_> {
     fn target_leaf(&self, t: usize, s: usize, part: &mut Part) {
         for c in self.sources.children(s) {
             let facing = self.classify(t, c, part);
-            let few = self.sources.is_leaf(c) && self.sources.count(c) <= self.options.direct_points;
             if facing == Facing::None {
                 continue;
-            } else if facing == Facing::All && !few && self.well_separated(t, c) {
+            } else if facing == Facing::All && self.well_separated(t, c) {
                 part.multipole.push(c);
             } else if self.sources.is_leaf(c) {
                 part.near.push(c);
@@ -129,9 +128,8 @@ impl Traversal<'_> {
     /// A target box and a larger source leaf.
     fn source_leaf(&self, t: usize, s: usize, part: &mut Part) {
         let facing = self.classify(t, s, part);
-        let few = self.targets.is_leaf(t) && self.targets.count(t) <= self.options.direct_points;
         if facing == Facing::None {
-        } else if facing == Facing::All && !few && self.well_separated(t, s) {
+        } else if facing == Facing::All && self.well_separated(t, s) {
             part.local.push(s);
         } else if self.targets.is_leaf(t) {
             part.near.push(s);

@@ -2,6 +2,7 @@
 //! The passes of the fast multipole method over all boxes, in parallel. Points and strengths are in tree order.
 
 use crate::direct::Sources;
+use crate::error::Error;
 use crate::expansion::{COLOURS, Expansion};
 use crate::lists::{Batch, Batches, Lists, Rows};
 use crate::octree::Octree;
@@ -27,13 +28,13 @@ type Colours = [[f64; 3]];
 
 impl Passes<'_> {
     /// Multipole coefficients of every source box, [box][coefficient][colour].
-    pub fn zero_multipoles(&self) -> Vec<f64> {
-        vec![0.0; self.sources.n_boxes() * self.multipole_len()]
+    pub fn zero_multipoles(&self) -> Result<Vec<f64>, Error> {
+        zeros(self.sources.n_boxes() * self.multipole_len())
     }
 
     /// Local coefficients of every target box, [box][coefficient][colour].
-    pub fn zero_locals(&self) -> Vec<f64> {
-        vec![0.0; self.targets.n_boxes() * self.local_len()]
+    pub fn zero_locals(&self) -> Result<Vec<f64>, Error> {
+        zeros(self.targets.n_boxes() * self.local_len())
     }
 
     fn multipole_len(&self) -> usize {
@@ -102,7 +103,7 @@ impl Passes<'_> {
             }
         }
         let mut to = vec![0.0; self.expansion.local_len() * width];
-        self.translations.apply(batch.offset, width, &mut from, &mut to);
+        self.translations.apply(self.expansion, batch.offset, width, &mut from, &mut to);
         for (column, &target) in self.batches.targets[pairs].iter().enumerate() {
             let scale = self.targets.half_side(target as usize).powi(-2);
             let local = &mut locals[(target as usize - first) * self.local_len()..][..self.local_len()];
@@ -195,4 +196,12 @@ impl Passes<'_> {
         }
         leaves.into_par_iter().for_each(|(b, own)| work(b, own));
     }
+}
+
+/// Zeros, or an error where there is no memory for them.
+fn zeros(count: usize) -> Result<Vec<f64>, Error> {
+    let mut zeros = Vec::new();
+    zeros.try_reserve_exact(count).map_err(|_| Error::Memory { bytes: count.saturating_mul(8) })?;
+    zeros.resize(count, 0.0);
+    Ok(zeros)
 }

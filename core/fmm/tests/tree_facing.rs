@@ -230,3 +230,29 @@ fn a_grazing_cosine_saves_postponed_pairs() {
     });
     assert!(postponed[1] * 2 < postponed[0] && postponed[2] < postponed[1], "{postponed:?}");
 }
+
+/// Two square plates of side `size` that look at each other over a gap, `shift` away from the origin.
+fn plates(size: f64, gap: f64, shift: f64) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
+    let grid = |k: usize| (k as f64 + 0.5) * size / 16.0 + shift;
+    let plate = |up: bool| {
+        let z = if up { shift } else { shift + gap };
+        (0..256).map(move |i| ([grid(i % 16), grid(i / 16), z], [0.0, 0.0, if up { 1.0 } else { -1.0 }]))
+    };
+    plate(true).chain(plate(false)).unzip()
+}
+
+#[test]
+fn plates_that_almost_touch_or_lie_far_away_still_see_each_other() {
+    for (size, gap, shift) in [(20.0, 1e-5, 0.0), (1.0, 1e-6, 0.0), (1.0, 1e-2, 1e5), (1.0, 0.1, 1e6)] {
+        let (points, normals) = plates(size, gap, shift);
+        let grid = Grid::around(&[&points]).expect("a good cloud");
+        let options = OctreeOptions { grouping: Grouping::Adaptive { points: 8 }, by_normal: true };
+        let tree = Octree::new(&points, Some(&normals), grid, options).expect("a good cloud");
+        let lists = Lists::new(&tree, &tree, ListsOptions::new(1, true)).expect("one tree");
+        let met: usize = lists.near_neighbours.pairs().map(|(t, s)| tree.count(t) * tree.count(s)).sum();
+        let expanded = lists.interaction_list.boxes.len();
+        assert!(met > 0 || expanded > 0, "size {size}, gap {gap}, {shift} from the origin");
+        let opposite = |(t, s): (usize, usize)| tree.axis[t] != tree.axis[s];
+        assert!(lists.near_neighbours.pairs().any(opposite), "each point sees the one above it");
+    }
+}

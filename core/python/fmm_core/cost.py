@@ -40,8 +40,8 @@ def seconds(counts: dict[str, int], truncation: int, expansion: str, separation:
 def unit_costs(truncation: int, expansion: str, separation: int) -> dict[str, float]:
     """Seconds of each pass for one unit of its work, measured on random points of a room in a fraction of a second."""
     points, normals = _room(CALIBRATION)
-    unit = {}
-    # Both trees together give every pass something to do: many small leaves, then few large ones.
+    unit: dict[str, float] = {}
+    # Both trees together give every pass something to do: few large leaves, then many small ones.
     for grouping in (256, 24):
         fmm = _make(points, normals, grouping, truncation, expansion, separation)
         strengths = np.ones_like(points)
@@ -50,7 +50,7 @@ def unit_costs(truncation: int, expansion: str, separation: int) -> dict[str, fl
         counts = fmm.counts() | {"points": len(points)}
         for work, what in WORK.items():
             if counts[what] > 0:
-                unit[work] = passes[work] / counts[what]
+                unit.setdefault(work, passes[work] / counts[what])
     return {work: unit.get(work, 0.0) for work in WORK}
 
 

@@ -21,10 +21,13 @@ class MultipoleSpace:
     def __init__(self, sums: Sums, settings: Settings) -> None:
         self.sums, self._settings = sums, settings
         particles = sums.particles
-        self.grouping = settings.grouping or choose_grouping(particles.positions, particles.normals, settings)
+        self.grouping = settings.grouping or 1
+        if settings.grouping is None and settings.level is None:
+            self.grouping = choose_grouping(particles.positions, particles.normals, settings)
         self.counts: dict[str, int] = {}
 
     def exchange(self, tick: Tick = silent) -> Operator:
+        tick(0.0)
         points, normals = self.sums.particles.positions, self.sums.particles.normals
         fmm = self._fmm(None)
         self.counts = fmm.counts()

@@ -9,6 +9,8 @@ from .errors import Error
 
 METHODS = ("direct", "fmm")
 EXPANSIONS = ("whole", "paper", "compressed")
+#: Setting up the compressed expansion takes p^9 steps.
+MAX_COMPRESSED = 8
 VISIBILITIES = ("rays", "none")
 
 
@@ -76,6 +78,8 @@ class Settings:
                 self._check_integer(name, low, high)
         if self.quadrature not in (None, 1, 2, 4, 5):
             raise Error(f"quadrature: expected 1, 2, 4 or 5, got {self.quadrature!r}")
+        if self.expansion == "compressed" and self.truncation > MAX_COMPRESSED:
+            raise Error(f"truncation: the compressed expansion goes up to {MAX_COMPRESSED}, got {self.truncation}")
         if self.method == "fmm" and self.visibility == "rays":
             raise Error("visibility: method 'fmm' does not treat occlusion yet, expected none, got 'rays'")
 

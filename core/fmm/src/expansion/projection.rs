@@ -15,6 +15,7 @@ use super::dense::{dot, products_of_rows, sandwiched, transposed};
 use super::quadrature::{Node, box_rule};
 use super::sparse::add_scaled;
 use super::{COLOURS, Expansion, displacement, reflect};
+use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// The six orders of three axes.
@@ -75,15 +76,21 @@ impl Projection {
     /// The energy of all offsets at distances from `separation` + 1 to 2 `separation` + 1, whose
     /// kernels are kept.
     pub fn energy(&mut self, separation: i32) -> Energy {
-        let (len, mut total) = (self.len, 0.0);
-        let mut one_order = vec![0.0; len * len];
-        for offset in offset_kinds(separation) {
+        let len = self.len;
+        let projected = |offset| {
             let sampled = sampled_kernel(&self.nodes, offset);
             let kernel = sandwiched(&self.samples, &sampled, self.width());
-            let columns = transposed(len, &kernel);
-            total += orbit(offset) * dot(&sampled, &sampled);
-            add_scaled(orbit(offset), &products_of_rows(&columns, &columns, len), &mut one_order);
-            self.kinds.push(Kind { offset, kernel });
+            (Kind { offset, kernel }, dot(&sampled, &sampled))
+        };
+        let kinds: Vec<_> = offset_kinds(separation).collect();
+        let kinds: Vec<_> = kinds.into_par_iter().map(projected).collect();
+        let mut total = 0.0;
+        let mut one_order = vec![0.0; len * len];
+        for (kind, squared) in kinds {
+            let columns = transposed(len, &kind.kernel);
+            total += orbit(kind.offset) * squared;
+            add_scaled(orbit(kind.offset), &products_of_rows(&columns, &columns, len), &mut one_order);
+            self.kinds.push(kind);
         }
         let mut seen = vec![0.0; len * len];
         for exchange in &self.exchanges {
