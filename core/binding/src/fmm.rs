@@ -9,6 +9,8 @@ use ::fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
 use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 type Points<'py> = PyReadonlyArray2<'py, f64>;
 /// Irradiance, and the seconds of each pass.
@@ -53,7 +55,7 @@ impl Fmm {
             };
             let grazing = driver::grazing(truncation);
             let lists = ListsOptions { grazing, ..ListsOptions::new(u32::from(separation), true) };
-            driver::Fmm::new(make(expansion, truncation, separation), target_tree, source_tree, softening, lists)
+            driver::Fmm::new(shared(expansion, truncation, separation), target_tree, source_tree, softening, lists)
         };
         Ok(Fmm { driver: py.detach(build).map_err(value_error)? })
     }
@@ -75,12 +77,21 @@ impl Fmm {
     }
 }
 
-fn make(expansion: &str, truncation: usize, separation: u8) -> Box<dyn Expansion> {
-    match expansion {
-        "paper" => Box::new(Paper::new(truncation)),
-        "compressed" => Box::new(Compressed::new(truncation, separation)),
-        _ => Box::new(Whole::new(truncation)),
-    }
+/// Expansions by name, truncation and separation.
+type Known = BTreeMap<(String, usize, u8), Arc<dyn Expansion>>;
+
+/// Expansions depend on nothing but these three, so that each is set up once a process.
+fn shared(expansion: &str, truncation: usize, separation: u8) -> Arc<dyn Expansion> {
+    static KNOWN: Mutex<Known> = Mutex::new(BTreeMap::new());
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    let make = || -> Arc<dyn Expansion> {
+        match expansion {
+            "paper" => Arc::new(Paper::new(truncation)),
+            "compressed" => Arc::new(Compressed::new(truncation, separation)),
+            _ => Arc::new(Whole::new(truncation)),
+        }
+    };
+    known.entry((expansion.to_owned(), truncation, separation)).or_insert_with(make).clone()
 }
 
 /// The paper's bound on the error of one multipole expansion (section 2.2).

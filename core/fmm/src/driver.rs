@@ -8,6 +8,7 @@ use crate::lists::{Batches, Lists, ListsOptions};
 use crate::octree::Octree;
 use crate::passes::Passes;
 use crate::translations::Translations;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Target boxes whose interaction lists one thread takes together: enough pairs of one offset for a matrix product.
@@ -21,7 +22,7 @@ pub fn grazing(truncation: usize) -> f64 {
 
 /// Everything that does not depend on the strengths: step 1, "Setup".
 pub struct Fmm {
-    expansion: Box<dyn Expansion>,
+    expansion: Arc<dyn Expansion>,
     targets: Octree,
     sources: Octree,
     lists: Lists,
@@ -36,7 +37,7 @@ pub type Seconds = Vec<(&'static str, f64)>;
 impl Fmm {
     /// Lists and translations of two octrees on one grid; `softening` (N,) as in [`Sources::new`], scene order.
     pub fn new(
-        expansion: Box<dyn Expansion>,
+        expansion: Arc<dyn Expansion>,
         targets: Octree,
         sources: Octree,
         softening: &[f64],

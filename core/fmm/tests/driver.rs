@@ -7,6 +7,7 @@ use fmm::driver::Fmm;
 use fmm::expansion::{Compressed, Expansion, Paper, Whole};
 use fmm::lists::ListsOptions;
 use fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
+use std::sync::Arc;
 
 type Rows = Vec<[f64; 3]>;
 
@@ -57,7 +58,7 @@ impl Case {
         let sources = Octree::new(&self.sources.0, Some(&self.sources.1), grid, options).unwrap();
         let targets = Octree::new(&self.targets.0, Some(&self.targets.1), grid, options).unwrap();
         let lists = ListsOptions::new(separation, true);
-        let fmm = Fmm::new(expansion, targets, sources, &[1e-9; 3000], lists).unwrap();
+        let fmm = Fmm::new(expansion.into(), targets, sources, &[1e-9; 3000], lists).unwrap();
         let found = fmm.apply(&self.strengths).unwrap();
         let squared = |rows: &mut dyn Iterator<Item = f64>| rows.map(|x| x * x).sum::<f64>();
         let pairs = || found.as_flattened().iter().zip(self.exact.as_flattened());
@@ -94,7 +95,7 @@ fn uneven_trees_use_all_four_lists() {
     let grid = Grid::around(&[&case.sources.0, &case.targets.0]).unwrap();
     let sources = Octree::new(&case.sources.0, Some(&case.sources.1), grid, options).unwrap();
     let targets = Octree::new(&case.targets.0, Some(&case.targets.1), grid, options).unwrap();
-    let fmm = Fmm::new(Box::new(Whole::new(2)), targets, sources, &[1e-9; 3000], ListsOptions::new(1, true)).unwrap();
+    let fmm = Fmm::new(Arc::new(Whole::new(2)), targets, sources, &[1e-9; 3000], ListsOptions::new(1, true)).unwrap();
     for (name, rows) in ["U", "V", "X", "W"].iter().zip(fmm.lists().all()) {
         assert!(!rows.boxes.is_empty(), "{name} is empty");
     }
@@ -107,8 +108,8 @@ fn wrong_lengths_are_refused() {
     let options = OctreeOptions { grouping: Grouping::Adaptive { points: 20 }, by_normal: true };
     let tree = Octree::new(&case.sources.0, Some(&case.sources.1), grid, options).unwrap();
     let lists = ListsOptions::new(1, true);
-    let error = Fmm::new(Box::new(Whole::new(2)), tree.clone(), tree.clone(), &[1.0], lists).err().unwrap();
+    let error = Fmm::new(Arc::new(Whole::new(2)), tree.clone(), tree.clone(), &[1.0], lists).err().unwrap();
     assert_eq!(error.to_string(), "source softening: expected 3000 rows, found 1");
-    let fmm = Fmm::new(Box::new(Whole::new(2)), tree.clone(), tree, &[1e-9; 3000], lists).unwrap();
+    let fmm = Fmm::new(Arc::new(Whole::new(2)), tree.clone(), tree, &[1e-9; 3000], lists).unwrap();
     assert!(fmm.apply(&[[1.0; 3]]).is_err());
 }
