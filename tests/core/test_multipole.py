@@ -133,8 +133,8 @@ def test_dear_near_pairs_make_small_leaves_and_dear_translations_large_ones(monk
 
 def test_sixteen_times_the_points_on_surfaces_are_sixteen_times_the_work():
     points, normals = cost._room(40_000)
-    few = cost.predicted_counts(points[:2500], normals[:2500], 64, 4, "whole", 1)
-    many = cost.predicted_counts(points, normals, 64, 4, "whole", 1)
+    few = cost.predicted_counts(points[:2500], normals[:2500], 64, 4, 1)
+    many = cost.predicted_counts(points, normals, 64, 4, 1)
     for what in ("boxes", "points"):
         assert 8 < many[what] / few[what] < 32
 
@@ -142,6 +142,6 @@ def test_sixteen_times_the_points_on_surfaces_are_sixteen_times_the_work():
 def test_sampled_counts_predict_those_of_the_whole_tree():
     points, normals = cost._room(100_000)
     fmm = _binding.Fmm((points, normals), np.full(len(points), 1e-12), None, 0, 64, None, 1, "whole")
-    counts, predicted = fmm.counts(), cost.predicted_counts(points, normals, 64, 0, "whole", 1)
+    counts, predicted = fmm.counts(), cost.predicted_counts(points, normals, 64, 0, 1)
     assert predicted["boxes"] == pytest.approx(counts["boxes"], rel=0.3)
     assert predicted["point_pairs"] == pytest.approx(counts["point_pairs"], rel=0.3)

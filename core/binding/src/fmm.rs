@@ -24,8 +24,9 @@ pub struct Fmm {
 
 #[pymethods]
 impl Fmm {
+    /// `horizon` is the truncation that decides which pairs pass for lying at the horizon, where it is another one.
     #[new]
-    #[pyo3(signature = (sources, softening, targets, truncation, grouping, level, separation, expansion))]
+    #[pyo3(signature = (sources, softening, targets, truncation, grouping, level, separation, expansion, horizon = None))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python,
@@ -37,6 +38,7 @@ impl Fmm {
         level: Option<u8>,
         separation: u8,
         expansion: &str,
+        horizon: Option<usize>,
     ) -> PyResult<Self> {
         let grouping = level.map_or(Grouping::Adaptive { points: grouping }, |level| Grouping::Uniform { level });
         let options = OctreeOptions { grouping, by_normal: true };
@@ -53,7 +55,7 @@ impl Fmm {
                 Some((points, normals)) => Octree::new(points, Some(normals), grid, options)?,
                 None => source_tree.clone(),
             };
-            let grazing = driver::grazing(truncation);
+            let grazing = driver::grazing(horizon.unwrap_or(truncation));
             let lists = ListsOptions { grazing, ..ListsOptions::new(u32::from(separation), true) };
             driver::Fmm::new(shared(expansion, truncation, separation), target_tree, source_tree, softening, lists)
         };

@@ -11,8 +11,10 @@ from .settings import Settings
 
 #: Grouping factors that an automatic choice is made from.
 GROUPINGS = (16, 32, 64, 128, 256, 512)
-#: Work is counted on at most this many of the points, with s reduced in proportion: the tree keeps its shape.
-SAMPLE = 30_000
+#: Work is counted on about this many of the points, with s reduced in proportion: the tree keeps its shape.
+SAMPLE = 100_000
+#: The least such s: fewer points in a leaf say nothing of the leaves of the whole tree.
+LEAST_REDUCED = 4
 #: Points of the calibration.
 CALIBRATION = 20_000
 #: For each pass what it goes through, by the names of `Fmm.counts`.
@@ -55,15 +57,16 @@ def unit_costs(truncation: int, expansion: str, separation: int) -> dict[str, fl
 
 
 def predicted_counts(
-    points: Points, normals: Points, grouping: int, truncation: int, expansion: str, separation: int
+    points: Points, normals: Points, grouping: int, truncation: int, separation: int
 ) -> dict[str, int]:
     """Counts of the tree and the lists of all points, from a sample of them."""
-    share = min(1.0, SAMPLE / len(points))
+    share = _share(points)
     chosen = np.random.default_rng(0).random(len(points)) < share
     if not chosen.any():
         chosen[:] = True
     reduced = max(1, round(grouping * share))
-    fmm = _make(points[chosen], normals[chosen], reduced, truncation, expansion, separation)
+    # Counting needs no expansion, so the cheapest one will do.
+    fmm = _make(points[chosen], normals[chosen], reduced, 0, "whole", separation, horizon=truncation)
     counts = fmm.counts() | {"points": int(chosen.sum())}
     # Counts of boxes stay; counts of points grow with the points, those of pairs with their square.
     powers = {"points": 1, "p2l_points": 1, "m2p_points": 1, "point_pairs": 2}
@@ -71,22 +74,32 @@ def predicted_counts(
 
 
 def choose_grouping(points: Points, normals: Points, settings: Settings) -> int:
-    """The s of `GROUPINGS` that makes one application cheapest."""
-    chosen = settings.truncation, settings.expansion_in_use, settings.separation
+    """The s of `GROUPINGS` that makes one application cheapest, of those that the sample can tell about."""
+    truncation, separation = settings.truncation, settings.separation
 
     def cost(grouping: int) -> float:
-        # Counting needs no expansion, so the cheapest one will do.
-        counts = predicted_counts(points, normals, grouping, 0, "whole", settings.separation)
-        return seconds(counts, *chosen)
+        counts = predicted_counts(points, normals, grouping, truncation, separation)
+        return seconds(counts, truncation, settings.expansion_in_use, separation)
 
-    return min(GROUPINGS, key=cost)
+    countable = [s for s in GROUPINGS if s * _share(points) >= LEAST_REDUCED]
+    return min(countable or GROUPINGS[-1:], key=cost)
+
+
+def _share(points: Points) -> float:
+    return min(1.0, SAMPLE / len(points))
 
 
 def _make(
-    points: Points, normals: Points, grouping: int, truncation: int, expansion: str, separation: int
+    points: Points,
+    normals: Points,
+    grouping: int,
+    truncation: int,
+    expansion: str,
+    separation: int,
+    horizon: int | None = None,
 ) -> _binding.Fmm:
     softening = np.full(len(points), 1e-12)
-    return _binding.Fmm((points, normals), softening, None, truncation, grouping, None, separation, expansion)
+    return _binding.Fmm((points, normals), softening, None, truncation, grouping, None, separation, expansion, horizon)
 
 
 def _room(count: int) -> tuple[Points, Points]:
