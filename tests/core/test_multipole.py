@@ -111,7 +111,7 @@ def test_one_far_output_point_does_not_disturb_the_others():
 
 
 def test_balls_in_a_room_fall_with_p():
-    ball = shapes.sphere(0.2, 3)
+    ball = shapes.sphere(0.2, 2)
     triangles = np.concatenate([shapes.room(), ball + np.array([0.3, 0.4, 0.5]), ball + np.array([0.7, 0.6, 0.5])])
     emission = np.where(np.arange(len(triangles)) < 2, 1.0, 0.0)
     points = shapes.random_points(triangles, 1)

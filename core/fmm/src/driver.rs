@@ -8,7 +8,7 @@ use crate::lists::{Batches, Lists, ListsOptions};
 use crate::octree::Octree;
 use crate::passes::Passes;
 use crate::translations::Translations;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Target boxes whose interaction lists one thread takes together: enough pairs of one offset for a matrix product.
@@ -33,7 +33,8 @@ pub struct Fmm {
     sources: Octree,
     lists: Lists,
     batches: Batches,
-    translations: Translations,
+    translations: OnceLock<Translations>,
+    separation: u32,
     points: Sources,
 }
 
@@ -52,11 +53,11 @@ impl Fmm {
         same_length("source softening", sources.n_points(), softening.len())?;
         let lists = Lists::new(&targets, &sources, options)?;
         let batches = lists.batches(&targets, &sources, TARGETS_PER_SLAB);
-        let translations = Translations::new(expansion.as_ref(), &batches, options.separation);
         let softening: Vec<f64> = sources.to_scene.iter().map(|&j| softening[j as usize]).collect();
         let leaves = sources.points_of_leaves();
         let points = Sources::grouped(&sources.positions, &sources.normals, &softening, leaves)?;
-        Ok(Self { expansion, targets, sources, lists, batches, translations, points })
+        let (translations, separation) = (OnceLock::new(), options.separation);
+        Ok(Self { expansion, targets, sources, lists, batches, translations, separation, points })
     }
 
     /// Irradiance (M, 3) at the targets from sources of strengths q = weight * radiosity (N, 3), both in scene order.
@@ -73,7 +74,7 @@ impl Fmm {
             sources: &self.sources,
             lists: &self.lists,
             batches: &self.batches,
-            translations: &self.translations,
+            translations: self.translations(),
             points: &self.points,
         };
         let mut clock = Clock::default();
@@ -95,6 +96,12 @@ impl Fmm {
         clock.time("p2p", || passes.p2p(&q, &mut irradiance));
 
         Ok((self.targets.in_scene_order(&irradiance), clock.seconds))
+    }
+
+    /// The operators, made at the first application: counting work needs none.
+    fn translations(&self) -> &Translations {
+        let make = || Translations::new(self.expansion.as_ref(), &self.batches, self.separation);
+        self.translations.get_or_init(make)
     }
 
     /// How much there is of everything that costs time: boxes, pairs of the lists, point pairs of the near neighbours.

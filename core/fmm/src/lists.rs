@@ -40,8 +40,8 @@ pub struct ListsOptions {
     /// Cosine up to which a pair of points may pass for one at the horizon in the facing test: it may then be left out, or
     /// be expanded with a cosine that is negative by as much. 0 for exact horizons; e costs about e^2 of the irradiance.
     pub grazing: f64,
-    /// A pair of well separated leaves of one level with at most this many pairs of points goes to the near neighbours;
-    /// 0 keeps the classical lists.
+    /// A pair of well separated leaves of one level with at most this many pairs of points goes to the near neighbours,
+    /// and so do many more where a postponed pair is farther apart than classical ones are; 0 keeps the classical lists.
     pub direct_pairs: usize,
 }
 

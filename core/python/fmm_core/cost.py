@@ -11,8 +11,10 @@ from .settings import Settings
 
 #: Grouping factors that an automatic choice is made from.
 GROUPINGS = (16, 32, 64, 128, 256, 512)
-#: Work is counted on at most this many of the points, with s reduced in proportion: the tree keeps its shape.
-SAMPLE = 30_000
+#: Work is counted on about this many of the points, with s reduced in proportion: the tree keeps its shape.
+SAMPLE = 100_000
+#: The least such s: fewer points in a leaf say nothing of the leaves of the whole tree.
+LEAST_REDUCED = 4
 #: Points of the calibration.
 CALIBRATION = 20_000
 #: For each pass what it goes through, by the names of `Fmm.counts`.
@@ -58,7 +60,7 @@ def predicted_counts(
     points: Points, normals: Points, grouping: int, truncation: int, expansion: str, separation: int
 ) -> dict[str, int]:
     """Counts of the tree and the lists of all points, from a sample of them."""
-    share = min(1.0, SAMPLE / len(points))
+    share = _share(points)
     chosen = np.random.default_rng(0).random(len(points)) < share
     if not chosen.any():
         chosen[:] = True
@@ -71,15 +73,18 @@ def predicted_counts(
 
 
 def choose_grouping(points: Points, normals: Points, settings: Settings) -> int:
-    """The s of `GROUPINGS` that makes one application cheapest."""
+    """The s of `GROUPINGS` that makes one application cheapest, of those that the sample can tell about."""
     chosen = settings.truncation, settings.expansion_in_use, settings.separation
 
     def cost(grouping: int) -> float:
-        # Counting needs no expansion, so the cheapest one will do.
-        counts = predicted_counts(points, normals, grouping, 0, "whole", settings.separation)
-        return seconds(counts, *chosen)
+        return seconds(predicted_counts(points, normals, grouping, *chosen), *chosen)
 
-    return min(GROUPINGS, key=cost)
+    countable = [s for s in GROUPINGS if s * _share(points) >= LEAST_REDUCED]
+    return min(countable or GROUPINGS[-1:], key=cost)
+
+
+def _share(points: Points) -> float:
+    return min(1.0, SAMPLE / len(points))
 
 
 def _make(

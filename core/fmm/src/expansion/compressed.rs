@@ -58,6 +58,19 @@ impl Compressed {
         whole
     }
 
+    /// The kernel between boxes further apart than the interaction lists reach, `[target mode][source mode]`, from its
+    /// Taylor series: out there it is as good as the projection, and much less work.
+    fn far_kernel(&self, offset: [i32; 3]) -> Vec<f64> {
+        let (modes, functions) = (self.modes.len(), self.whole.multipole_len());
+        let unit: Vec<f64> = (0..modes * modes).map(|i| if i % (modes + 1) == 0 { 1.0 } else { 0.0 }).collect();
+        let [mut multipoles, mut locals] = [(); 2].map(|()| vec![0.0; functions * modes]);
+        self.restore.apply(modes, &unit, &mut multipoles);
+        self.whole.m2l_operator(offset).apply(modes, &multipoles, &mut locals);
+        let mut kernel = vec![0.0; modes * modes];
+        self.restore.apply_transposed(modes, &locals, &mut kernel);
+        kernel
+    }
+
     /// output += what `matrix` makes of input for child 7, mirrored for another child.
     fn change_level(&self, matrix: &[f64], octant: usize, input: &[f64], output: &mut [f64]) {
         let mask = !(octant as u8) & 7;
@@ -124,7 +137,8 @@ impl Expansion for Compressed {
     }
 
     fn m2l_operator(&self, offset: [i32; 3]) -> Operator {
-        Operator::dense(self.modes.len(), self.modes.len(), self.modes.kernel(offset))
+        let kernel = self.modes.kernel(offset).unwrap_or_else(|| self.far_kernel(offset));
+        Operator::dense(self.modes.len(), self.modes.len(), kernel)
     }
 
     fn l2l(&self, octant: usize, parent: &[f64], child: &mut [f64]) {

@@ -36,9 +36,9 @@ impl Modes {
         self.parities.len()
     }
 
-    /// The kernel between boxes an offset apart, `[target mode][source mode]`.
-    pub fn kernel(&self, offset: [i32; 3]) -> Vec<f64> {
-        sandwiched(&self.rows, &self.projection.kernel(offset), self.projection.len)
+    /// The kernel between boxes an offset apart, `[target mode][source mode]`, for offsets of the interaction lists.
+    pub fn kernel(&self, offset: [i32; 3]) -> Option<Vec<f64>> {
+        Some(sandwiched(&self.rows, &self.projection.kernel(offset)?, self.projection.len))
     }
 
     /// Modes in terms of the expansion's functions, `[mode][function]`.
