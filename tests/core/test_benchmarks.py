@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The benchmarks still run, on a few particles; what they measure is not judged here."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+def run(name, *options):
+    command = [sys.executable, BENCHMARKS / f"{name}.py", "--small", *options]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+@pytest.mark.parametrize("name", ["growth", "accuracy"])
+def test_benchmark_prints_its_table_and_saves_its_picture(name, tmp_path):
+    table, picture = tmp_path / "table.json", tmp_path / "picture.png"
+    done = run(name, "--json", table, "--picture", picture)
+    assert done.returncode == 0, done.stderr
+    assert "L2 error" in done.stdout
+    rows = json.loads(table.read_text())["rows"]
+    assert all(0 <= row["relative_l2"] < 2 and row["application"] > 0 for row in rows)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.skipif(importlib.util.find_spec("fmm3dpy") is not None, reason="fmm3dpy is installed")
+def test_comparison_says_in_one_line_what_is_missing():
+    done = run("fmm3d")
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "fmm3dpy is missing" in done.stderr
