@@ -35,3 +35,47 @@ class NearField:
     def __len__(self) -> int: ...
     def starts(self) -> NDArray[np.uint64]: ...
     def patches(self) -> NDArray[np.uint32]: ...
+    def targets(self) -> NDArray[np.float64]: ...
+
+class Correction:
+    def __init__(
+        self,
+        near: NearField,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        sources: Sources,
+        fractions: NDArray[np.float64],
+        visible: NDArray[np.uint64] | None = None,
+    ) -> None: ...
+    def __len__(self) -> int: ...
+    def add(self, strengths: NDArray[np.float64], irradiance: NDArray[np.float64]) -> None: ...
+
+class Fmm:
+    def __init__(
+        self,
+        sources: tuple[NDArray[np.float64], NDArray[np.float64]],
+        softening: NDArray[np.float64],
+        targets: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
+        truncation: int,
+        grouping: int,
+        level: int | None,
+        separation: int,
+        expansion: str,
+    ) -> None: ...
+    def apply(self, strengths: NDArray[np.float64]) -> tuple[NDArray[np.float64], list[tuple[str, float]]]: ...
+    def counts(self) -> dict[str, int]: ...
+
+def error_bound(truncation: int, strength: float, source_radius: float, receiver_distance: float) -> float: ...
+def facing_rays(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    sources: Sources,
+    after: int | None,
+    centre: tuple[float, float, float],
+    scale: float,
+    offset: float,
+) -> tuple[NDArray[np.uint64], NDArray[np.float32], NDArray[np.float32]]: ...
+def mark_visible(
+    bits: NDArray[np.uint64], count: int, pairs: NDArray[np.uint64], occluded: NDArray[np.bool_]
+) -> None: ...
+def symmetrise(bits: NDArray[np.uint64], count: int) -> None: ...
