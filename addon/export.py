@@ -356,7 +356,8 @@ def _any_inside(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
 def _triangle_centres(mesh: _Mesh, position: np.ndarray) -> np.ndarray:
     """(C,3) m: centre of the largest triangle at each corner, for vertices at position (V,3) in m."""
     triangles = position[mesh.corner_vertex[mesh.triangle_corners]]
-    order = np.argsort(_double_area(triangles))
+    # Halves of a square are equal up to rounding, which must not choose between them.
+    order = np.argsort(_double_area(triangles).astype(np.float32), kind="stable")
     centres = position[mesh.corner_vertex]
     # The last one that is assigned to a corner stays.
     centres[mesh.triangle_corners[order].ravel()] = np.repeat(triangles[order].mean(axis=1), 3, axis=0)

@@ -5,6 +5,7 @@ FMM_RADIOSITY_PYTHON names the interpreter whose bpy is driven (default: this on
 already built.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -20,6 +21,20 @@ INSTALL = """
 import bpy
 bpy.ops.extensions.package_install_files(filepath={archive!r}, repo="user_default", enable_on_install=True)
 bpy.ops.wm.save_userpref()
+"""
+
+START = "import sys; from addon.standalone import main; status = main(); {after}; sys.exit(status)"
+
+COLOURS = """
+import bpy, json, numpy as np, sys
+bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
+found = {}
+for mesh in bpy.data.meshes:
+    data = mesh.color_attributes["Radiosity"].data
+    values = np.empty(4 * len(data), np.float32)
+    data.foreach_get("color", values)
+    found[mesh.name] = values.reshape(-1, 4)[:, :3].ravel().tolist()
+print("\\n" + json.dumps(found))
 """
 
 
@@ -71,3 +86,25 @@ def blender(archive, tmp_path_factory):
     blender = Blender(tmp_path_factory.mktemp("blender") / "user")
     blender.code(INSTALL.format(archive=str(archive)))
     return blender
+
+
+@pytest.fixture(scope="session")
+def colours():
+    """Reads red, green and blue of every mesh of a baked file, all in one list for each."""
+
+    def colours(path, python=sys.executable):
+        done = subprocess.run([python, "-c", COLOURS, str(path)], check=True, capture_output=True, text=True)
+        return json.loads(done.stdout.splitlines()[-1])
+
+    return colours
+
+
+@pytest.fixture(scope="session")
+def run(root):
+    """Runs `fmm-radiosity` in the repository's own environment; `after` is Python to run in the end."""
+
+    def run(*arguments, after="pass"):
+        command = [sys.executable, "-c", START.format(after=after), *map(str, arguments)]
+        return subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=600)
+
+    return run

@@ -3,41 +3,8 @@
 
 import json
 import math
-import subprocess
-import sys
 
 import pytest
-
-START = "import sys; from addon.standalone import main; status = main(); {after}; sys.exit(status)"
-
-COLOURS = """
-import bpy, json, numpy as np, sys
-bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-found = {}
-for mesh in bpy.data.meshes:
-    data = mesh.color_attributes["Radiosity"].data
-    values = np.empty(4 * len(data), np.float32)
-    data.foreach_get("color", values)
-    found[mesh.name] = values.reshape(-1, 4)[:, :3].ravel().tolist()
-print("\\n" + json.dumps(found))
-"""
-
-
-def colours(path):
-    """Red, green and blue of every mesh of a baked file, all in one list for each."""
-    done = subprocess.run([sys.executable, "-c", COLOURS, str(path)], check=True, capture_output=True, text=True)
-    return json.loads(done.stdout.splitlines()[-1])
-
-
-@pytest.fixture
-def run(root):
-    """Runs the command; `after` is Python to run in the end."""
-
-    def run(*arguments, after="pass"):
-        command = [sys.executable, "-c", START.format(after=after), *map(str, arguments)]
-        return subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=600)
-
-    return run
 
 
 def test_help_needs_no_blender(run):
@@ -59,7 +26,7 @@ def test_missing_scene(run):
     assert done.stdout == ""
 
 
-def test_bake_of_an_example(run, root, tmp_path):
+def test_bake_of_an_example(run, colours, root, tmp_path):
     scene, out = root / "examples" / "cornell_empty.blend", tmp_path / "out.blend"
     done = run("bake", scene, "-o", out, "--particles", "1", "--report", tmp_path / "out.json")
     assert (done.returncode, done.stderr) == (0, "")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The zip, and everything that is tested inside of an installed extension."""
 
+import os
 import re
 import zipfile
 from pathlib import Path
@@ -59,3 +60,20 @@ def test_inside_blender(blender, module):
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert " passed" in done.stdout
+
+
+@pytest.mark.skipif("FMM_RADIOSITY_PYTHON" not in os.environ, reason="wants another Blender than the repository's own")
+def test_colours_are_the_same_in_every_blender(blender, run, colours, root, tmp_path):
+    """Rounding differs from one numpy to the next, and nothing else may come of it."""
+    scene, here, there = root / "examples" / "cornell_box.blend", tmp_path / "here.blend", tmp_path / "there.blend"
+    assert run("bake", scene, "-o", here).returncode == 0
+    blender.code(f"""
+import addon_utils
+addon_utils.enable("{MODULE}")
+from {MODULE}.addon.command_line import main
+assert main(["bake", {str(scene)!r}, "-o", {str(there)!r}]) == 0
+""")
+    expected, found = colours(here), colours(there, blender.python)
+    assert list(found) == list(expected)
+    for name, values in expected.items():
+        assert found[name] == pytest.approx(values, abs=1e-6, rel=0)

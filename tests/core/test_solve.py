@@ -52,6 +52,27 @@ def test_result_is_the_same_after_moving_turning_and_scaling_the_scene(axis, ang
     assert np.linalg.norm(after - before) < 0.02 * np.linalg.norm(before)
 
 
+@pytest.mark.parametrize("per_side", [7, 10])
+def test_nothing_comes_of_rounding(per_side):
+    block = shapes.room((0.4, 0.3, 0.2))[:, ::-1] + [0.35, 0.35, 0.0]
+    triangles = np.concatenate([shapes.subdivided_room(per_side), block])
+    emission = (np.arange(len(triangles)) < 9).astype(float)
+    _, vertices = np.unique(triangles.reshape(-1, 3).round(9), axis=0, return_inverse=True)
+    rng = np.random.default_rng(0)
+
+    def bake(rounding):
+        moved = triangles * (1 + rounding * rng.uniform(-1, 1, triangles.shape))
+        centres = np.repeat(moved.mean(axis=1), 3, axis=0)
+        normals = np.repeat(shapes.normals(moved), 3, axis=0)
+        out = fmm_core.output_points(moved.reshape(-1, 3), normals, vertices.ravel(), centres)
+        solution = fmm_core.solve(fmm_core.Scene(moved, 0.7, emission))
+        return solution.radiosity, solution.irradiance(out.points, out.normals)
+
+    for exact, rounded in zip(bake(0.0), bake(1e-15), strict=True):
+        assert exact.max() > 0.1
+        assert rounded == pytest.approx(exact, abs=1e-6, rel=0)
+
+
 def test_two_sided_triangle_lights_both_sides():
     plate = shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0])
     above = fmm_core.solve(fmm_core.Scene(plate, 0.0, 1.0, two_sided=True), SMALL)

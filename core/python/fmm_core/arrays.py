@@ -6,6 +6,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import Error
 
+#: Lengths closer than this share of themselves count as equal: grids have many such, and rounding must not choose.
+ROUNDING = 1e-9
+
 
 def numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """A C-contiguous float64 copy; raises `Error` on anything that is not real numbers."""

@@ -52,7 +52,8 @@ def output_points(
     steps = triangle_centres - positions
     reach = np.linalg.norm(steps, axis=1)
     # The corner whose triangle reaches farthest stands for its group: the least likely to be a sliver.
-    by_reach = np.argsort(reach, kind="stable")
+    # Rounding must not choose between equal ones.
+    by_reach = np.argsort(reach.astype(np.float32), kind="stable")
     corner = np.zeros(inverse.max() + 1, np.int64)
     corner[inverse[by_reach]] = by_reach
     directions = normals[corner]

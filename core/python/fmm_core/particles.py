@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import ROUNDING
 from .quadrature import triangle_rule
 from .scene import Scene
 
@@ -85,10 +86,11 @@ def _cut(scene: Scene, limits: NDArray[np.float64]) -> tuple[NDArray[np.float64]
     while len(todo):
         edges = np.roll(todo, -1, axis=1) - todo
         squared = (edges**2).sum(axis=2)
-        longest = squared.argmax(axis=1)
+        largest = squared.max(axis=1)
+        longest = (squared > (1 - ROUNDING) * largest[:, None]).argmax(axis=1)
         limit = limits[owner]
         areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
-        large = (squared.max(axis=1) > limit**2) & (areas > limit**2 / SLIVER)
+        large = (largest > (1 + ROUNDING) * limit**2) & (areas > limit**2 / SLIVER)
         done_patches.append(todo[~large])
         done_owners.append(owner[~large])
         todo, owner = _bisect(todo[large], longest[large]), np.tile(owner[large], 2)

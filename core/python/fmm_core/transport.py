@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
+from .arrays import ROUNDING
 from .particles import Particles
 from .progress import Tick, silent
 from .visibility import Occlusion
@@ -60,7 +61,7 @@ class Sums:
 
     def __init__(self, particles: Particles, occlusion: Occlusion | None, near_reach: float) -> None:
         self.particles, self.occlusion = particles, occlusion
-        self._reach = near_reach * particles.radii
+        self._reach = (1 + ROUNDING) * near_reach * particles.radii
         self.sources = _binding.Sources(
             particles.positions, particles.normals, particles.softening, particles.areas, particles.per_patch
         )

@@ -64,6 +64,16 @@ def test_corners_know_the_largest_triangle_beside_them(build, read):
         assert centre == pytest.approx(centres[largest]) or np.ptp(areas(arrays.triangles)[touching]) < 1e-5
 
 
+def test_rounding_does_not_choose_between_the_halves_of_a_square(build, read):
+    places = [i / 10 for i in range(8)]
+    vertices = [(x, y, 0) for y in places for x in places]
+    faces = [(8 * j + i, 8 * j + i + 1, 8 * j + i + 9, 8 * j + i + 8) for j in range(7) for i in range(7)]
+    build.object("Grid", vertices, faces, build.light())
+    arrays = read()
+    steps = (arrays.corner_triangle_centre - arrays.corner_position).reshape(len(faces), 4, 3)
+    assert steps == pytest.approx(np.broadcast_to(steps[0], steps.shape), abs=1e-6)
+
+
 def test_every_face_has_its_own_material(build, read):
     red = build.material("Red", Color=(0.5, 0.1, 0.2))
     glow = build.light("Glow", (1, 2, 4))
