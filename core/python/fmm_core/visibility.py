@@ -26,8 +26,8 @@ finally:
 
 #: Distance between a surface and the end of a ray, in half scene sizes: some ten times embree's rounding error.
 OFFSET = 2e-6
-#: Receivers and sources are taken in blocks of about this many pairs.
-BLOCK_PAIRS = 1_000_000
+#: Receivers and sources are taken in blocks of about this many pairs: small enough that all cores end together.
+BLOCK_PAIRS = 1 << 16
 
 
 class Occlusion:
@@ -97,7 +97,7 @@ class Occlusion:
             seen[rows] = ~self._occluded(origins[rows], directions[rows])
             return rows.stop - rows.start
 
-        self.rays += _run_blocks(block, len(points), 1 << 18, silent)
+        self.rays += _run_blocks(block, len(points), BLOCK_PAIRS, silent)
         return seen
 
     def _lifted(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
