@@ -79,11 +79,6 @@ class _Mesh:
     triangle_corners: np.ndarray  # (T,3)
     triangle_face: np.ndarray  # (T,)
 
-    @property
-    def corner_face(self) -> np.ndarray:
-        """(C,) face of each corner."""
-        return np.repeat(np.arange(len(self.face_corners)), self.face_corners)
-
 
 @dataclass(frozen=True)
 class _Shape:
@@ -183,11 +178,7 @@ class _Reader:
             faces = "1 face" if flat == 1 else f"{flat} faces"
             self.remark(f"object '{obj.name}': {faces} without area left out")
         face = mesh.triangle_face[kept]
-        self.append(
-            triangles=triangles[kept],
-            albedo=albedo[face],
-            emission=emission[face],
-        )
+        self.append(triangles=triangles[kept], albedo=albedo[face], emission=emission[face])
         self.shapes.append(_Shape(world.position, len(face), _is_closed(mesh)))
 
     def is_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: _Mesh) -> bool:
@@ -214,14 +205,14 @@ class _Reader:
         self, obj: bpy.types.Object, mesh: _Mesh, world: _World, albedo: np.ndarray, emission: np.ndarray
     ) -> None:
         """Everything that is needed to colour the mesh of an object."""
-        count, face = len(mesh.corner_vertex), mesh.corner_face
+        count = len(mesh.corner_vertex)
         self.append(
             corner_position=world.position[mesh.corner_vertex],
             corner_normal=world.corner_normal,
             corner_vertex=mesh.corner_vertex + self.vertices,
             corner_triangle_centre=_triangle_centres(mesh, world.position),
-            corner_albedo=albedo[face],
-            corner_emission=emission[face],
+            corner_albedo=np.repeat(albedo, mesh.face_corners, axis=0),
+            corner_emission=np.repeat(emission, mesh.face_corners, axis=0),
         )
         rows = slice(self.corners, self.corners + count)
         self.receivers.append(
