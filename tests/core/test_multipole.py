@@ -163,20 +163,29 @@ def test_any_cloud_of_particles_gives_finite_light_close_to_the_direct_sum(
         assert np.linalg.norm(found - exact) < 0.05 * np.linalg.norm(exact)
 
 
-def test_unit_costs_are_positive_and_seconds_add_them_up():
+def test_unit_costs_are_not_negative_and_seconds_add_them_up():
     unit = cost.unit_costs(3, "whole", 1)
-    assert set(unit) == set(cost.WORK)
-    assert min(unit[work] for work in ("p2m", "m2l", "l2p", "p2p")) > 0
-    nothing = dict.fromkeys(cost.WORK.values(), 0)
-    one = cost.seconds(nothing | {"interactions": 1000}, 3, "whole", 1)
-    assert one == pytest.approx(1000 * unit["m2l"])
+    assert {work: len(costs) for work, costs in unit.items()} == {work: len(names) for work, names in cost.WORK.items()}
+    assert min(min(costs) for costs in unit.values()) >= 0
+    assert min(sum(unit[work]) for work in ("p2m", "m2l", "l2p", "p2p")) > 0
+    nothing = {name: 0 for names in cost.WORK.values() for name in names}
+    one = cost.seconds(nothing | {"interactions": 1000, "batches": 10}, 3, "whole", 1)
+    assert one == pytest.approx(10 * unit["m2l"][0] + 1000 * unit["m2l"][1])
+
+
+def test_fitted_costs_are_those_that_made_the_seconds():
+    runs = [({"pairs": pairs, "points": points}, 2e-6 * pairs + 3e-8 * points) for pairs, points in ((1, 90), (8, 20))]
+    assert cost._fitted(("pairs", "points"), runs) == pytest.approx((2e-6, 3e-8))
+    shrinking = [({"pairs": 1, "points": 10}, 1.0), ({"pairs": 2, "points": 10}, 0.5)]
+    assert cost._fitted(("pairs", "points"), shrinking)[0] == 0
+    assert cost._fitted(("pairs",), [({"pairs": 0}, 1.0)]) == (0.0,)
 
 
 def test_dear_near_pairs_make_small_leaves_and_dear_translations_large_ones(monkeypatch):
     points, normals = cost._room(20_000)
     chosen = []
     for dear in ("p2p", "m2l"):
-        unit = dict.fromkeys(cost.WORK, 1e-9) | {dear: 1e-4}
+        unit = {work: tuple(1e-4 if work == dear else 1e-9 for _ in names) for work, names in cost.WORK.items()}
         monkeypatch.setattr(cost, "unit_costs", lambda *_, unit=unit: unit)
         chosen.append(cost.choose_grouping(points, normals, fmm_core.Settings(truncation=4)))
     assert chosen[0] < chosen[1]
@@ -191,9 +200,22 @@ def test_sixteen_times_the_points_on_surfaces_are_sixteen_times_the_work():
         assert 8 < many[what] / few[what] < 32
 
 
-def test_sampled_counts_predict_those_of_the_whole_tree():
-    points, normals = cost._room(100_000)
-    fmm = _binding.Fmm((points, normals), np.full(len(points), 1e-12), None, 0, 64, None, 1, "whole")
-    counts, predicted = fmm.counts(), cost.predicted_counts(points, normals, 64, 0, "whole", 1)
-    assert predicted["boxes"] == pytest.approx(counts["boxes"], rel=0.3)
-    assert predicted["point_pairs"] == pytest.approx(counts["point_pairs"], rel=0.3)
+@pytest.mark.parametrize("grid", [True, False])
+@pytest.mark.parametrize("grouping", [64, 128, 256])
+def test_sampled_counts_predict_those_of_the_whole_tree(grid, grouping):
+    points, normals = _room_on_a_grid(180) if grid else cost._room(200_000)
+    assert len(points) >= 2 * cost.SAMPLE * 0.9
+    fmm = _binding.Fmm((points, normals), np.full(len(points), 1e-12), None, 4, grouping, None, 1, "compressed")
+    counts, predicted = fmm.counts(), cost.predicted_counts(points, normals, grouping, 4, "compressed", 1)
+    for what in ("boxes", "interactions", "point_pairs"):
+        assert predicted[what] == pytest.approx(counts[what], rel=0.3), what
+    for what in ("p2l_points", "m2p_points"):
+        assert predicted[what] == pytest.approx(counts[what], rel=1.0, abs=0.2 * counts["interactions"]), what
+
+
+def _room_on_a_grid(cells):
+    """Middles of the cells of a grid on each side of the unit cube, with inward normals."""
+    u, v = (np.indices((cells, cells)).reshape(2, -1) + 0.5) / cells
+    points = [np.roll(np.stack([np.full_like(u, side), u, v], 1), axis, 1) for axis in range(3) for side in (0.0, 1.0)]
+    normals = [np.eye(3)[axis] * (1 - 2 * side) for axis in range(3) for side in (0, 1)]
+    return np.concatenate(points), np.repeat(normals, cells * cells, axis=0)

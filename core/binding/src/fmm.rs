@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The fast multipole method.
 
-use crate::arrays::{flat, table, triples, value_error};
+use crate::arrays::{flat, table, triples, value_error, vector};
 use ::fmm::driver;
 use ::fmm::expansion::{Compressed, Expansion, Paper, Whole};
 use ::fmm::lists::ListsOptions;
 use ::fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
-use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
@@ -16,7 +16,8 @@ type Points<'py> = PyReadonlyArray2<'py, f64>;
 /// Irradiance, and the seconds of each pass.
 type Timed<'py> = (Bound<'py, PyArray2<f64>>, driver::Seconds);
 
-/// Octrees, lists and translations for fixed receivers and sources.
+/// Octrees, lists and translations for fixed receivers and sources. Where these are a sample, `share` of the points,
+/// the lists are those of the whole: the grouping is for the caller to reduce.
 #[pyclass(frozen)]
 pub struct Fmm {
     driver: driver::Fmm,
@@ -25,7 +26,7 @@ pub struct Fmm {
 #[pymethods]
 impl Fmm {
     #[new]
-    #[pyo3(signature = (sources, softening, targets, truncation, grouping, level, separation, expansion))]
+    #[pyo3(signature = (sources, softening, targets, truncation, grouping, level, separation, expansion, share=1.0))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python,
@@ -37,6 +38,7 @@ impl Fmm {
         level: Option<u8>,
         separation: u8,
         expansion: &str,
+        share: f64,
     ) -> PyResult<Self> {
         let grouping = level.map_or(Grouping::Adaptive { points: grouping }, |level| Grouping::Uniform { level });
         let options = OctreeOptions { grouping, by_normal: true };
@@ -58,7 +60,7 @@ impl Fmm {
                 separation: u32::from(separation),
                 facing: true,
                 grazing: driver::grazing(truncation),
-                direct_pairs: driver::direct_pairs(expansion.multipole_len()),
+                direct_pairs: (share * share * driver::direct_pairs(expansion.multipole_len()) as f64) as usize,
             };
             driver::Fmm::new(expansion, target_tree, source_tree, softening, lists)
         };
@@ -80,6 +82,15 @@ impl Fmm {
         }
         Ok(counts)
     }
+}
+
+/// Scene numbers (N,) of points in the order of an octree: any run of them lies close together.
+#[pyfunction]
+pub fn tree_order<'py>(py: Python<'py>, points: Points, normals: Points) -> PyResult<Bound<'py, PyArray1<u32>>> {
+    let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
+    let options = OctreeOptions { grouping: Grouping::Uniform { level: 0 }, by_normal: true };
+    let build = || Octree::new(points, Some(normals), Grid::around(&[points])?, options);
+    Ok(vector(py, py.detach(build).map_err(value_error)?.to_scene))
 }
 
 /// Expansions by name, truncation and separation.

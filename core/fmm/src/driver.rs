@@ -105,7 +105,7 @@ impl Fmm {
     }
 
     /// How much there is of everything that costs time: boxes, pairs of the lists, point pairs of the near neighbours.
-    pub fn counts(&self) -> [(&'static str, usize); 9] {
+    pub fn counts(&self) -> [(&'static str, usize); 12] {
         let [u, v, x, w] = self.lists.all();
         let points = |tree: &Octree, b: u32| tree.count(b as usize);
         let near = |(t, s): (usize, usize)| self.targets.count(t) * self.sources.count(s);
@@ -116,7 +116,10 @@ impl Fmm {
             ("near_pairs", u.boxes.len()),
             ("point_pairs", u.pairs().map(near).sum()),
             ("interactions", v.boxes.len()),
+            ("batches", self.batches.batches.len()),
+            ("p2l_pairs", x.boxes.len()),
             ("p2l_points", x.boxes.iter().map(|&s| points(&self.sources, s)).sum()),
+            ("m2p_pairs", w.boxes.len()),
             ("m2p_points", w.pairs().map(|(t, _)| self.targets.count(t)).sum()),
             ("postponed", self.lists.facing_counts.postponed as usize),
         ]
