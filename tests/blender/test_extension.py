@@ -68,7 +68,7 @@ def test_colours_are_the_same_in_every_blender(blender, run, colours, root, tmp_
     scene, here, there = root / "examples" / "cornell_box.blend", tmp_path / "here.blend", tmp_path / "there.blend"
     assert run("bake", scene, "-o", here).returncode == 0
     blender.code(f"""
-import addon_utils
+import bpy, addon_utils
 addon_utils.enable("{MODULE}")
 from {MODULE}.addon.command_line import main
 assert main(["bake", {str(scene)!r}, "-o", {str(there)!r}]) == 0
