@@ -189,21 +189,6 @@ fn compressed_is_smaller_and_as_accurate() {
 }
 
 #[test]
-fn single_precision_is_enough_for_six_digits() {
-    for expansion in all_expansions(5) {
-        let m = multipole(&*expansion, &particles(50, 51));
-        let (mut double, mut single) = (zeros(expansion.local_len()), zeros(expansion.local_len()));
-        let operator = expansion.m2l_operator([2, -1, 0]);
-        operator.apply(COLOURS, &m, &mut double);
-        operator.in_single_precision().apply(COLOURS, &m, &mut single);
-        let targets = particles(40, 52);
-        let expected = local_at(&*expansion, &double, &targets);
-        let error = error(&local_at(&*expansion, &single, &targets), &expected);
-        assert!(error < 1e-6, "{error}");
-    }
-}
-
-#[test]
 fn no_particles_add_nothing() {
     for expansion in all_expansions(2) {
         let mut coefficients = vec![1.0; expansion.multipole_len() * COLOURS];

@@ -1,126 +1,63 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! A small matrix product for tall stacks of right-hand sides, in single or double precision.
+//! A small matrix product for tall stacks of right-hand sides.
 
 use multiversion::multiversion;
 use multiversion::target::target_cfg_f;
-use std::ops::{Add, AddAssign, Mul};
 
 /// Rows of the matrix handled together.
 const ROWS: usize = 4;
+/// Columns handled together: they fill 24 registers of AVX-512.
+const TILE: usize = 48;
 
-/// A precision to multiply in; inputs and outputs are double in either case.
-pub trait Real: Copy + Default + Add<Output = Self> + Mul<Output = Self> + AddAssign {
-    fn rounded(x: f64) -> Self;
-    fn widened(self) -> f64;
-    fn fused(self, factor: Self, sum: Self) -> Self;
-}
-
-impl Real for f64 {
-    fn rounded(x: f64) -> Self {
-        x
-    }
-    fn widened(self) -> f64 {
-        self
-    }
-    #[inline(always)]
-    fn fused(self, factor: f64, sum: f64) -> f64 {
-        self.mul_add(factor, sum)
-    }
-}
-
-impl Real for f32 {
-    fn rounded(x: f64) -> Self {
-        x as f32
-    }
-    fn widened(self) -> f64 {
-        self.into()
-    }
-    #[inline(always)]
-    fn fused(self, factor: f32, sum: f32) -> f32 {
-        self.mul_add(factor, sum)
-    }
-}
+type Tile = [f64; TILE];
 
 /// c += a b, with a `[rows][depth]`, b `[depth][width]` and c `[rows][width]`, all row-major.
 pub fn multiply(depth: usize, a: &[f64], width: usize, b: &[f64], c: &mut [f64]) {
-    multiply_panels(depth, a, width, b, c, multiply_double);
-}
-
-/// The same with products and sums in single precision.
-pub fn multiply_single(depth: usize, a: &[f32], width: usize, b: &[f64], c: &mut [f64]) {
-    multiply_panels(depth, a, width, b, c, multiply_float);
-}
-
-/// Packs `TILE` columns of b at a time, and hands them to a kernel for four rows of a.
-fn multiply_panels<T: Real, const TILE: usize>(
-    depth: usize,
-    a: &[T],
-    width: usize,
-    b: &[f64],
-    c: &mut [f64],
-    kernel: impl Fn(&[T], &[[T; TILE]], &mut [[T; TILE]; ROWS]),
-) {
     let mut panel = Vec::with_capacity(depth);
     for start in (0..width).step_by(TILE) {
         let columns = TILE.min(width - start);
         panel.clear();
         panel.extend(b.chunks_exact(width).map(|row| {
-            let mut tile = [T::default(); TILE];
-            let from = &row[start..start + columns];
-            tile.iter_mut().zip(from).for_each(|(t, &x)| *t = T::rounded(x));
+            let mut tile = [0.0; TILE];
+            tile[..columns].copy_from_slice(&row[start..start + columns]);
             tile
         }));
         for (i, rows) in a.chunks(depth * ROWS).enumerate() {
-            let mut product = [[T::default(); TILE]; ROWS];
-            kernel(rows, &panel, &mut product);
+            let mut product = [[0.0; TILE]; ROWS];
+            multiply_panel(rows, &panel, &mut product);
             for (r, product) in product.iter().enumerate().take(rows.len() / depth) {
                 let out = &mut c[(i * ROWS + r) * width + start..][..columns];
-                out.iter_mut().zip(product).for_each(|(c, p)| *c += p.widened());
+                out.iter_mut().zip(product).for_each(|(c, p)| *c += p);
             }
         }
     }
 }
 
-/// Four rows times one panel in double precision: 48 columns fill 24 registers of AVX-512.
+/// Four rows times one panel.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma", "x86_64+avx2+fma"))]
-fn multiply_double(rows: &[f64], panel: &[[f64; 48]], product: &mut [[f64; 48]; ROWS]) {
+fn multiply_panel(rows: &[f64], panel: &[Tile], product: &mut [Tile; ROWS]) {
     let (wide, fused) = (target_cfg_f!(target_feature = "avx512f"), target_cfg_f!(target_feature = "fma"));
     match (wide, fused) {
-        (true, _) => multiply_tile::<f64, 48, 48, true>(rows, panel, product),
-        (_, true) => multiply_tile::<f64, 48, 12, true>(rows, panel, product),
-        _ => multiply_tile::<f64, 48, 4, false>(rows, panel, product),
-    }
-}
-
-/// Four rows times one panel in single precision.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma", "x86_64+avx2+fma"))]
-fn multiply_float(rows: &[f32], panel: &[[f32; 96]], product: &mut [[f32; 96]; ROWS]) {
-    let (wide, fused) = (target_cfg_f!(target_feature = "avx512f"), target_cfg_f!(target_feature = "fma"));
-    match (wide, fused) {
-        (true, _) => multiply_tile::<f32, 96, 96, true>(rows, panel, product),
-        (_, true) => multiply_tile::<f32, 96, 24, true>(rows, panel, product),
-        _ => multiply_tile::<f32, 96, 8, false>(rows, panel, product),
+        (true, _) => multiply_tile::<48, true>(rows, panel, product),
+        (_, true) => multiply_tile::<12, true>(rows, panel, product),
+        _ => multiply_tile::<4, false>(rows, panel, product),
     }
 }
 
 /// The product of at most [`ROWS`] rows with one panel, `PART` columns in registers at a time.
 #[inline(always)]
-fn multiply_tile<T: Real, const TILE: usize, const PART: usize, const FUSED: bool>(
-    rows: &[T],
-    panel: &[[T; TILE]],
-    product: &mut [[T; TILE]; ROWS],
-) {
+fn multiply_tile<const PART: usize, const FUSED: bool>(rows: &[f64], panel: &[Tile], product: &mut [Tile; ROWS]) {
     let depth = panel.len();
     let row = |r: usize| rows.get(r * depth..(r + 1) * depth).unwrap_or(&rows[..depth]);
     let (a, b, c, d) = (row(0), row(1), row(2), row(3));
     for part in (0..TILE).step_by(PART) {
-        let mut sums = [[T::default(); PART]; ROWS];
+        let mut sums = [[0.0; PART]; ROWS];
         for ((((tile, &a), &b), &c), &d) in panel.iter().zip(a).zip(b).zip(c).zip(d) {
             let tile = &tile[part..part + PART];
             for l in 0..PART {
                 for (sum, factor) in sums.iter_mut().zip([a, b, c, d]) {
                     sum[l] = match FUSED {
-                        true => factor.fused(tile[l], sum[l]),
+                        true => factor.mul_add(tile[l], sum[l]),
                         false => factor * tile[l] + sum[l],
                     };
                 }
@@ -146,11 +83,11 @@ mod tests {
     #[test]
     fn kernels_agree() {
         let rows: Vec<f64> = (0..3 * 7).map(|n| entry(n, 2)).collect();
-        let panel: Vec<[f64; 48]> = (0..7).map(|k| std::array::from_fn(|j| entry(j, k))).collect();
-        let mut products = [[[0.0; 48]; ROWS]; 3];
-        multiply_tile::<f64, 48, 48, true>(&rows, &panel, &mut products[0]);
-        multiply_tile::<f64, 48, 12, true>(&rows, &panel, &mut products[1]);
-        multiply_tile::<f64, 48, 4, false>(&rows, &panel, &mut products[2]);
+        let panel: Vec<Tile> = (0..7).map(|k| std::array::from_fn(|j| entry(j, k))).collect();
+        let mut products = [[[0.0; TILE]; ROWS]; 3];
+        multiply_tile::<48, true>(&rows, &panel, &mut products[0]);
+        multiply_tile::<12, true>(&rows, &panel, &mut products[1]);
+        multiply_tile::<4, false>(&rows, &panel, &mut products[2]);
         assert_eq!(products[0], products[1]);
         assert_eq!(products[0], products[2]);
     }
@@ -161,15 +98,13 @@ mod tests {
             rows in 1usize..12, depth in 1usize..9, width in 1usize..120,
         ) {
             let a: Vec<f64> = (0..rows * depth).map(|n| entry(n / depth, n % depth)).collect();
-            let single: Vec<f32> = a.iter().map(|&x| x as f32).collect();
             let b: Vec<f64> = (0..depth * width).map(|n| entry(n % width, n / width)).collect();
             let mut c = vec![1.0; rows * width];
             multiply(depth, &a, width, &b, &mut c);
-            multiply_single(depth, &single, width, &b, &mut c);
             for (n, &c) in c.iter().enumerate() {
                 let (i, j) = (n / width, n % width);
                 let sum: f64 = (0..depth).map(|k| entry(i, k) * entry(j, k)).sum();
-                prop_assert_eq!(c, 1.0 + 2.0 * sum);
+                prop_assert_eq!(c, 1.0 + sum);
             }
         }
     }
