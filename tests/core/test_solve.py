@@ -7,7 +7,7 @@ import fmm_core
 import numpy as np
 import pytest
 import shapes
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 CUBE = shapes.room()
@@ -31,6 +31,7 @@ def test_light_is_linear_in_emission_and_colours_do_not_mix():
     shift=st.tuples(*[st.floats(-10, 10)] * 3),
     scale=st.floats(1e-2, 1e2),
 )
+@example(axis=(1.0, 0.0, 0.0), angle=3.5, shift=(0.0, 0.0, 0.0), scale=1.0)
 def test_result_is_the_same_after_moving_turning_and_scaling_the_scene(axis, angle, shift, scale):
     block = shapes.room((0.4, 0.3, 0.2))[:, ::-1] + [0.35, 0.35, 0.2]
     triangles = np.concatenate([CUBE, block])
@@ -46,10 +47,10 @@ def test_result_is_the_same_after_moving_turning_and_scaling_the_scene(axis, ang
     before = fmm_core.solve(fmm_core.Scene(triangles, 0.5, emission), SMALL).irradiance(points, normals)
     moved = fmm_core.solve(fmm_core.Scene(move(triangles), 0.5, emission), SMALL)
     after = moved.irradiance(move(points), normals @ turn)
-    # A ray that grazes an edge may fall on the other side of it; all else agrees.
-    different = np.abs(after - before)[:, 0] > 1e-3 * before[:, 0]
+    # Rays that graze an edge of the block, as many do at once when turned about x, may fall on the other side of it.
+    different = np.abs(after - before)[:, 0] > 1e-2 * before[:, 0]
     assert different.mean() < 0.1
-    assert np.linalg.norm(after - before) < 0.02 * np.linalg.norm(before)
+    assert np.linalg.norm(after - before) < 5e-3 * np.linalg.norm(before)
 
 
 @pytest.mark.parametrize("per_side", [7, 10])
