@@ -60,6 +60,7 @@ impl Fmm {
                 separation: u32::from(separation),
                 facing: true,
                 grazing: driver::grazing(truncation),
+                direct_points: (share * driver::direct_points(expansion.multipole_len()) as f64) as usize,
                 direct_pairs: (share * share * driver::direct_pairs(expansion.multipole_len()) as f64) as usize,
             };
             driver::Fmm::new(expansion, target_tree, source_tree, softening, lists)

@@ -26,6 +26,11 @@ pub fn direct_pairs(multipole_len: usize) -> usize {
     multipole_len * multipole_len / 10
 }
 
+/// Points that one point is summed with directly in the time that its own expansion about another box takes (p2l, m2p).
+pub fn direct_points(multipole_len: usize) -> usize {
+    multipole_len * multipole_len / 15
+}
+
 /// Everything that does not depend on the strengths: step 1, "Setup".
 pub struct Fmm {
     expansion: Arc<dyn Expansion>,

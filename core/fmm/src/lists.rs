@@ -43,12 +43,15 @@ pub struct ListsOptions {
     /// A pair of well separated leaves of one level with at most this many pairs of points goes to the near neighbours,
     /// and so do many more where a postponed pair is farther apart than classical ones are; 0 keeps the classical lists.
     pub direct_pairs: usize,
+    /// Where only one side of a pair would be expanded and the other is a leaf, a box of at most this many points is summed
+    /// directly; 0 keeps the classical lists.
+    pub direct_points: usize,
 }
 
 impl ListsOptions {
     /// The classical lists.
     pub fn new(separation: u32, facing: bool) -> Self {
-        Self { separation, facing, grazing: 0.0, direct_pairs: 0 }
+        Self { separation, facing, grazing: 0.0, direct_pairs: 0, direct_points: 0 }
     }
 }
 

@@ -123,13 +123,18 @@ impl Traversal<'_> {
         }
     }
 
+    /// Whether a point of a leaf is summed with so many points of another box sooner than with its expansion.
+    fn few(&self, points: usize) -> bool {
+        points <= self.options.direct_points
+    }
+
     /// A target leaf and the children of a source box: they are settled with the leaf, however deep.
     fn target_leaf(&self, t: usize, s: usize, part: &mut Part) {
         for c in self.sources.children(s) {
             let facing = self.classify(t, c, part);
             if facing == Facing::None {
                 continue;
-            } else if facing == Facing::All && self.well_separated(t, c) {
+            } else if facing == Facing::All && self.well_separated(t, c) && !self.few(self.sources.count(c)) {
                 part.multipole.push(c);
             } else if self.sources.is_leaf(c) {
                 part.near.push(c);
@@ -143,7 +148,7 @@ impl Traversal<'_> {
     fn source_leaf(&self, t: usize, s: usize, part: &mut Part) {
         let facing = self.classify(t, s, part);
         if facing == Facing::None {
-        } else if facing == Facing::All && self.well_separated(t, s) {
+        } else if facing == Facing::All && self.well_separated(t, s) && !self.few(self.targets.count(t)) {
             part.local.push(s);
         } else if self.targets.is_leaf(t) {
             part.near.push(s);

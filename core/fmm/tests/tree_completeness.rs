@@ -12,11 +12,8 @@ use tree_support::*;
 fn lists_options(facing: bool) -> impl Strategy<Value = ListsOptions> {
     let direct = prop_oneof![Just(0), 0..200_usize];
     let grazing = prop_oneof![Just(0.0), 0.0..0.5_f64];
-    (1..4_u32, direct, grazing).prop_map(move |(separation, direct_pairs, grazing)| ListsOptions {
-        separation,
-        facing,
-        grazing,
-        direct_pairs,
+    (1..4_u32, direct.clone(), direct, grazing).prop_map(move |(separation, direct_pairs, direct_points, grazing)| {
+        ListsOptions { separation, facing, grazing, direct_pairs, direct_points }
     })
 }
 
