@@ -15,6 +15,8 @@ GROUPINGS = (16, 32, 64, 128, 256, 512, 1024)
 SAMPLE = 100_000
 #: The least such s: fewer points in a leaf say nothing of the leaves of the whole tree.
 LEAST_REDUCED = 4
+#: Smaller leaves are not tried once they cost this many times the least.
+GIVE_UP = 1.5
 #: Points of the calibration, and the grouping factors of its trees: few large leaves, and many small ones.
 CALIBRATION, CALIBRATED = 20_000, (512, 96, 16)
 #: What each pass goes through, by the names of `Fmm.counts`, each at a cost of its own.
@@ -102,10 +104,15 @@ def choose_grouping(points: Points, normals: Points, settings: Settings) -> int:
     chosen = settings.truncation, settings.expansion_in_use, settings.separation
     sample, share = even_sample(points, normals)
 
-    def cost(grouping: int) -> float:
-        return seconds(_counts(*sample, share, grouping, *chosen), *chosen)
-
-    return min((s for s in GROUPINGS if s * share >= LEAST_REDUCED), key=cost, default=GROUPINGS[-1])
+    best, least = GROUPINGS[-1], np.inf
+    # From few large leaves down: where no box can be expanded, small leaves take ever longer to count.
+    for grouping in (s for s in reversed(GROUPINGS) if s * share >= LEAST_REDUCED):
+        cost = seconds(_counts(*sample, share, grouping, *chosen), *chosen)
+        if cost > GIVE_UP * least:
+            break
+        if cost < least:
+            best, least = grouping, cost
+    return best
 
 
 def _make(
