@@ -2,7 +2,7 @@
 //! The direct sum, near patches and rays.
 
 use crate::arrays::{flat, table, triangles, triples, value_error, vector};
-use fmm::near_field::{Patches, PointSources};
+use fmm::near_field::{Patches, PointSources, Seen};
 use fmm::rays::{FacingRays, Frame, Oriented};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1};
 use pyo3::prelude::*;
@@ -79,7 +79,7 @@ impl Sources {
 /// Patches near each receiver, with exact form factors.
 #[pyclass(frozen)]
 pub struct NearField {
-    near: fmm::near_field::NearField,
+    pub(crate) near: fmm::near_field::NearField,
 }
 
 #[pymethods]
@@ -127,7 +127,8 @@ pub struct Correction {
 #[pymethods]
 impl Correction {
     #[new]
-    #[pyo3(signature = (near, points, normals, sources, fractions, visible=None))]
+    #[pyo3(signature = (near, points, normals, sources, fractions, visible=None, counted=None))]
+    #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python,
         near: &NearField,
@@ -136,9 +137,15 @@ impl Correction {
         sources: &Sources,
         fractions: PyReadonlyArray1<f64>,
         visible: Option<PyReadonlyArray1<u64>>,
+        counted: Option<PyReadonlyArray1<bool>>,
     ) -> PyResult<Self> {
         let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
-        let (fractions, bits) = (flat(&fractions)?, visible.as_ref().map(flat).transpose()?);
+        let fractions = flat(&fractions)?;
+        let seen = match (&visible, &counted) {
+            (Some(bits), _) => Seen::Bits(flat(bits)?),
+            (None, Some(entries)) => Seen::Entries(flat(entries)?),
+            (None, None) => Seen::All,
+        };
         let of = PointSources {
             positions: &sources.positions,
             normals: &sources.normals,
@@ -146,7 +153,7 @@ impl Correction {
             points_per_patch: sources.points_per_patch,
             areas: &sources.areas,
         };
-        let build = || fmm::near_field::Correction::new(&near.near, points, normals, &of, fractions, bits);
+        let build = || fmm::near_field::Correction::new(&near.near, points, normals, &of, fractions, seen);
         Ok(Correction { correction: py.detach(build).map_err(value_error)? })
     }
 

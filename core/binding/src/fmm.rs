@@ -1,24 +1,32 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The fast multipole method.
 
-use crate::arrays::{flat, table, triples, value_error, vector};
+use crate::arrays::{flat, table, triangles, triples, value_error, vector};
+use crate::direct::NearField;
 use ::fmm::driver;
+use ::fmm::driver_visibility::Occluded;
 use ::fmm::expansion::{Compressed, Expansion, Paper, Whole};
 use ::fmm::lists::ListsOptions;
 use ::fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use ::fmm::rays::Frame;
+use ::fmm::visibility::VisibilityOptions;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 type Points<'py> = PyReadonlyArray2<'py, f64>;
+type Emitting<'py> = (Points<'py>, Points<'py>, PyReadonlyArray1<'py, bool>);
+/// Slots (R,), origins and directions (R, 3).
+type RayArrays<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
+type SeenArrays<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
 /// Irradiance, and the seconds of each pass.
 type Timed<'py> = (Bound<'py, PyArray2<f64>>, driver::Seconds);
 
 /// Octrees, lists and translations for fixed receivers and sources. Where these are a sample, `share` of the points,
 /// the lists are those of the whole: the grouping is for the caller to reduce.
-#[pyclass(frozen)]
+#[pyclass]
 pub struct Fmm {
     driver: driver::Fmm,
 }
@@ -30,7 +38,7 @@ impl Fmm {
     #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python,
-        sources: (Points, Points),
+        sources: Emitting,
         softening: PyReadonlyArray1<f64>,
         targets: Option<(Points, Points)>,
         truncation: usize,
@@ -47,12 +55,12 @@ impl Fmm {
             Some((points, normals)) => Some((triples(points, "points")?, triples(normals, "normals")?)),
             None => None,
         };
-        let softening = flat(&softening)?;
+        let (softening, emitters) = (flat(&softening)?, flat(&sources.2)?);
         let build = || -> Result<driver::Fmm, ::fmm::Error> {
             let grid = Grid::around(&[y, x.map_or(&[], |(points, _)| points)])?;
-            let source_tree = Octree::new(y, Some(n_y), grid, options)?;
+            let source_tree = Arc::new(Octree::with_emitters(y, Some(n_y), emitters, grid, options)?);
             let target_tree = match x {
-                Some((points, normals)) => Octree::new(points, Some(normals), grid, options)?,
+                Some((points, normals)) => Arc::new(Octree::new(points, Some(normals), grid, options)?),
                 None => source_tree.clone(),
             };
             let expansion = shared(expansion, truncation, separation);
@@ -73,6 +81,55 @@ impl Fmm {
         let strengths = triples(&strengths, "strengths")?;
         let (irradiance, seconds) = py.detach(|| self.driver.apply_timed(strengths)).map_err(value_error)?;
         Ok((table(py, irradiance)?, seconds))
+    }
+
+    /// Reduces the lists to visible ones: weights and reach (N,) of the sources, frame as (centre, scale, offset), effort
+    /// as (share, angle, run_angle).
+    fn occlude(
+        &mut self,
+        py: Python,
+        scene: PyReadonlyArray3<f64>,
+        weights: PyReadonlyArray1<f64>,
+        reach: PyReadonlyArray1<f64>,
+        frame: ([f64; 3], f64, f64),
+        effort: (f64, f64, f64),
+    ) -> PyResult<()> {
+        let (centre, scale, offset) = frame;
+        let (share, angle, run_angle) = effort;
+        let options = VisibilityOptions { share, angle, run_angle };
+        let frame = Frame { centre, scale, offset };
+        let triangles = triangles(&scene)?;
+        let scene = Occluded { triangles, frame, weights: flat(&weights)?, reach: flat(&reach)? };
+        py.detach(|| self.driver.occlude(&scene, options)).map_err(value_error)
+    }
+
+    /// Target leaves whose links want rays.
+    fn linked_leaves(&self) -> usize {
+        self.driver.links().leaves.len()
+    }
+
+    /// Pairs found valid and partial.
+    fn outcomes(&self) -> (usize, usize) {
+        let outcomes = self.driver.outcomes();
+        (outcomes.valid, outcomes.partial)
+    }
+
+    /// Rays that fill the bits of links.
+    fn link_rays<'py>(&self, py: Python<'py>, start: usize, stop: usize) -> PyResult<RayArrays<'py>> {
+        let rays = py.detach(|| self.driver.link_rays(start..stop));
+        Ok((vector(py, rays.slots), table(py, rays.origins)?, table(py, rays.directions)?))
+    }
+
+    /// Clears the bits of the link rays that did not arrive.
+    fn block(&self, py: Python, slots: PyReadonlyArray1<u64>, occluded: PyReadonlyArray1<bool>) -> PyResult<()> {
+        let (slots, occluded) = (flat(&slots)?, flat(&occluded)?);
+        py.detach(|| self.driver.links().block(slots, occluded)).map_err(value_error)
+    }
+
+    /// For each source of each near entry whether the sum has it, and for each entry whether it needs no ray.
+    fn near_seen<'py>(&self, py: Python<'py>, near: &NearField, points_per_patch: usize) -> SeenArrays<'py> {
+        let seen = py.detach(|| self.driver.near_seen(&near.near, points_per_patch));
+        (vector(py, seen.counted), vector(py, seen.whole))
     }
 
     /// Boxes, leaves, coefficients, and how much each pass has to do.

@@ -76,6 +76,19 @@ impl Sources {
         Strengths(columns(strengths, &self.groups))
     }
 
+    /// Adds to `irradiance` what all sources send to a few receivers; `visible` as in [`Sources::irradiance`].
+    pub fn add_visible(
+        &self,
+        points: &[[f64; 3]],
+        normals: &[[f64; 3]],
+        strengths: &Strengths,
+        visible: &[u64],
+        irradiance: &mut [[f64; 3]],
+    ) {
+        let all = 0..self.softening.len();
+        self.add_parts(points, normals, std::slice::from_ref(&all), strengths, Some(visible), irradiance);
+    }
+
     /// Adds to `irradiance` what the sources of some groups send to a few receivers.
     pub fn add_groups(
         &self,

@@ -3,7 +3,9 @@
 
 use crate::direct::Sources;
 use crate::error::{Error, same_length};
+use crate::driver_visibility::Rounds;
 use crate::expansion::Expansion;
+use crate::links::Links;
 use crate::lists::{Batches, Lists, ListsOptions};
 use crate::octree::Octree;
 use crate::passes::Passes;
@@ -12,7 +14,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Target boxes whose interaction lists one thread takes together: enough pairs of one offset for a matrix product.
-const TARGETS_PER_SLAB: usize = 2048;
+pub(crate) const TARGETS_PER_SLAB: usize = 2048;
 
 /// The cosine that may pass for one at the horizon at truncation p. It costs about its square of the irradiance, which
 /// this keeps at about a quarter of what the truncation itself costs.
@@ -34,13 +36,16 @@ pub fn direct_points(multipole_len: usize) -> usize {
 /// Everything that does not depend on the strengths: step 1, "Setup".
 pub struct Fmm {
     expansion: Arc<dyn Expansion>,
-    targets: Octree,
-    sources: Octree,
-    lists: Lists,
-    batches: Batches,
-    translations: OnceLock<Translations>,
+    pub(crate) targets: Arc<Octree>,
+    pub(crate) sources: Arc<Octree>,
+    pub(crate) lists: Lists,
+    pub(crate) batches: Batches,
+    pub(crate) translations: OnceLock<Translations>,
     separation: u32,
     points: Sources,
+    pub(crate) softening: Vec<f64>,
+    pub(crate) links: Links,
+    pub(crate) rounds: Option<Rounds>,
 }
 
 /// Seconds of each pass of one application, in the order in which they ran.
@@ -50,19 +55,31 @@ impl Fmm {
     /// Lists and translations of two octrees on one grid; `softening` (N,) as in [`Sources::new`], scene order.
     pub fn new(
         expansion: Arc<dyn Expansion>,
-        targets: Octree,
-        sources: Octree,
+        targets: impl Into<Arc<Octree>>,
+        sources: impl Into<Arc<Octree>>,
         softening: &[f64],
         options: ListsOptions,
     ) -> Result<Self, Error> {
+        let (targets, sources) = (targets.into(), sources.into());
         same_length("source softening", sources.n_points(), softening.len())?;
         let lists = Lists::new(&targets, &sources, options)?;
         let batches = lists.batches(&targets, &sources, TARGETS_PER_SLAB);
         let softening: Vec<f64> = sources.to_scene.iter().map(|&j| softening[j as usize]).collect();
         let leaves = sources.points_of_leaves();
         let points = Sources::grouped(&sources.positions, &sources.normals, &softening, leaves)?;
-        let (translations, separation) = (OnceLock::new(), options.separation);
-        Ok(Self { expansion, targets, sources, lists, batches, translations, separation, points })
+        Ok(Self {
+            expansion,
+            targets,
+            sources,
+            lists,
+            batches,
+            translations: OnceLock::new(),
+            separation: options.separation,
+            points,
+            softening,
+            links: Links::default(),
+            rounds: None,
+        })
     }
 
     /// Irradiance (M, 3) at the targets from sources of strengths q = weight * radiosity (N, 3), both in scene order.
@@ -81,6 +98,7 @@ impl Fmm {
             batches: &self.batches,
             translations: self.translations(),
             points: &self.points,
+            links: &self.links,
         };
         let mut clock = Clock::default();
         let q = self.sources.in_tree_order(strengths);
@@ -99,6 +117,7 @@ impl Fmm {
         clock.time("l2p", || passes.l2p(&locals, &mut irradiance));
         clock.time("m2p", || passes.m2p(&multipoles, &mut irradiance));
         clock.time("p2p", || passes.p2p(&q, &mut irradiance));
+        clock.time("links", || passes.links(&q, &mut irradiance));
 
         Ok((self.targets.in_scene_order(&irradiance), clock.seconds))
     }
@@ -110,7 +129,7 @@ impl Fmm {
     }
 
     /// How much there is of everything that costs time: boxes, pairs of the lists, point pairs of the near neighbours.
-    pub fn counts(&self) -> [(&'static str, usize); 12] {
+    pub fn counts(&self) -> [(&'static str, usize); 13] {
         let [u, v, x, w] = self.lists.all();
         let points = |tree: &Octree, b: u32| tree.count(b as usize);
         let near = |(t, s): (usize, usize)| self.targets.count(t) * self.sources.count(s);
@@ -126,6 +145,7 @@ impl Fmm {
             ("p2l_points", x.boxes.iter().map(|&s| points(&self.sources, s)).sum()),
             ("m2p_pairs", w.boxes.len()),
             ("m2p_points", w.pairs().map(|(t, _)| self.targets.count(t)).sum()),
+            ("links", self.links.count(&self.targets)),
             ("postponed", self.lists.facing_counts.postponed as usize),
         ]
     }

@@ -5,10 +5,12 @@
 
 pub mod direct;
 pub mod driver;
+pub mod driver_visibility;
 pub mod error;
 pub mod expansion;
 pub mod facing;
 pub mod form_factor;
+pub mod links;
 pub mod lists;
 mod lists_batches;
 mod lists_traversal;
@@ -22,8 +24,11 @@ mod octree_normals;
 mod octree_points;
 mod passes;
 pub mod rays;
+pub mod shaft;
 mod translations;
 mod vector;
+pub mod visibility;
+mod visible_lists;
 
 pub use error::Error;
 

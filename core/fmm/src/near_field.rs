@@ -107,29 +107,44 @@ pub struct PointSources<'a> {
     pub areas: &'a [f64],
 }
 
+/// Which pairs of points the sum over the sources counts.
+#[derive(Clone, Copy)]
+pub enum Seen<'a> {
+    All,
+    /// The direct sum's bits.
+    Bits(&'a [u64]),
+    /// (K * points_per_patch) one for each source of each near entry.
+    Entries(&'a [bool]),
+}
+
 impl Correction {
     /// Exact minus point kernel for each near entry; `fractions` (K) is how much of each entry's patch is seen, and
-    /// `visible` the same bits as the direct sum was given.
+    /// `visible` the pairs that the sum has.
     pub fn new(
         near: &NearField,
         points: &[[f64; 3]],
         normals: &[[f64; 3]],
         sources: &PointSources,
         fractions: &[f64],
-        visible: Option<&[u64]>,
+        visible: Seen,
     ) -> Result<Self, Error> {
         same_length("near fractions", near.patches.len(), fractions.len())?;
         same_length("near rows", near.starts.len(), points.len() + 1)?;
         let (count, per_patch) = (sources.positions.len(), sources.points_per_patch);
         same_length("patch areas", count, sources.areas.len() * per_patch)?;
-        if let Some(bits) = visible {
-            same_length("visibility words", points.len() * count.div_ceil(64), bits.len())?;
+        match visible {
+            Seen::All => {}
+            Seen::Bits(bits) => same_length("visibility words", points.len() * count.div_ceil(64), bits.len())?,
+            Seen::Entries(entries) => same_length("near entries", near.patches.len() * per_patch, entries.len())?,
         }
         if let Some(&patch) = near.patches.iter().find(|&&q| q as usize >= sources.areas.len()) {
             return Err(Error::Index { what: "near patch", index: patch as usize, count: sources.areas.len() });
         }
-        let seen =
-            |i: usize, j: usize| visible.is_none_or(|bits| bits[i * count.div_ceil(64) + j / 64] >> (j % 64) & 1 == 1);
+        let seen = |i: usize, j: usize, e: usize| match visible {
+            Seen::All => true,
+            Seen::Bits(bits) => bits[i * count.div_ceil(64) + j / 64] >> (j % 64) & 1 == 1,
+            Seen::Entries(entries) => entries[e * per_patch + j % per_patch],
+        };
         let rows: Vec<Vec<f64>> = (0..points.len())
             .into_par_iter()
             .map(|i| {
@@ -139,8 +154,8 @@ impl Correction {
                     let exact = fractions[e] * near.form_factors[e] / sources.areas[q];
                     for j in q * per_patch..(q + 1) * per_patch {
                         let (y, n_y) = (sources.positions[j], sources.normals[j]);
-                        let point =
-                            if seen(i, j) { kernel(points[i], normals[i], y, n_y, sources.softening[j]) } else { 0.0 };
+                        let softening = sources.softening[j];
+                        let point = if seen(i, j, e) { kernel(points[i], normals[i], y, n_y, softening) } else { 0.0 };
                         row.push(exact - point);
                     }
                 }

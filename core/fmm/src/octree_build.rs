@@ -14,6 +14,9 @@ type Keyed = (u64, u32);
 /// Keys are put into buckets by their digits down to this level.
 const BUCKET_LEVEL: u8 = 4;
 
+/// The class of all emitters, after the six classes of normals.
+pub(crate) const EMITTERS: u8 = 6;
+
 /// A bucket that is worth more than one thread.
 const LARGE_BUCKET: usize = 1 << 15;
 
@@ -25,12 +28,31 @@ impl Octree {
         grid: Grid,
         options: OctreeOptions,
     ) -> Result<Self, OctreeError> {
+        Self::with_emitters(positions, normals, &[], grid, options)
+    }
+
+    /// The same with the emitters (N,), where there are any, in boxes of their own: what they send is another matter than
+    /// what the wall beside them reflects.
+    pub fn with_emitters(
+        positions: &[[f64; 3]],
+        normals: Option<&[[f64; 3]]>,
+        emitters: &[bool],
+        grid: Grid,
+        options: OctreeOptions,
+    ) -> Result<Self, OctreeError> {
         check(positions, normals, grid, options)?;
+        if !emitters.is_empty() && emitters.len() != positions.len() {
+            return Err(OctreeError::EmitterCount { positions: positions.len(), emitters: emitters.len() });
+        }
         let normals = normals.unwrap_or_default();
         let common_normals = common_normals(normals);
         let frame = frame(&common_normals);
-        let axis = |i: usize| if options.by_normal { dominant_axis(&frame, unit(normals[i])) } else { 0 };
-        let keyed = |i: usize| (grid.key(positions[i], axis(i)), i as u32);
+        let class = |i: usize| match (emitters.get(i), options.by_normal) {
+            (Some(true), _) => EMITTERS,
+            (_, true) => dominant_axis(&frame, unit(normals[i])),
+            (_, false) => 0,
+        };
+        let keyed = |i: usize| (grid.key(positions[i], class(i)), i as u32);
         let keys = sorted((0..positions.len()).into_par_iter().map(keyed).collect());
 
         let to_scene: Vec<u32> = keys.par_iter().map(|&(_, scene)| scene).collect();
@@ -60,13 +82,13 @@ impl Octree {
         Ok(tree)
     }
 
-    /// One root for each class of normals that has points.
+    /// One root for each class that has points.
     fn add_roots(&mut self, keys: &[Keyed]) {
         let mut start = 0;
         while start < keys.len() {
-            let axis = digit(keys[start].0, 0);
-            let end = start + keys[start..].partition_point(|&(key, _)| digit(key, 0) == axis);
-            self.push_box(0, axis, NO_BOX, [start, end], [0; 3]);
+            let class = digit(keys[start].0, 0);
+            let end = start + keys[start..].partition_point(|&(key, _)| digit(key, 0) == class);
+            self.push_box(0, class, NO_BOX, [start, end], [0; 3]);
             start = end;
         }
         self.levels.push(self.level.len() as u32);
@@ -208,7 +230,7 @@ fn sorted(keys: Vec<Keyed>) -> Vec<Keyed> {
     sorted
 }
 
-/// Octal digit of a key: 0 is the class of the normal, l the octant at level l.
+/// Octal digit of a key: 0 is the class of the point, l the octant at level l.
 fn digit(key: u64, level: u8) -> u8 {
     (key >> (3 * (MAX_LEVEL - level)) & 7) as u8
 }

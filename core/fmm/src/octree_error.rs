@@ -19,6 +19,8 @@ pub enum OctreeError {
     OutsideGrid { index: usize, value: [f64; 3] },
     /// Positions and normals are not of the same number.
     NormalCount { positions: usize, normals: usize },
+    /// Positions and emitters are not of the same number.
+    EmitterCount { positions: usize, emitters: usize },
     /// Splitting by normal was asked for, but no normals were given.
     NormalsMissing,
     /// A leaf must be allowed to hold at least one point.
@@ -48,6 +50,9 @@ impl fmt::Display for OctreeError {
             }
             Self::NormalCount { positions, normals } => {
                 write!(f, "{positions} positions but {normals} normals")
+            }
+            Self::EmitterCount { positions, emitters } => {
+                write!(f, "{positions} positions but {emitters} emitter flags")
             }
             Self::NormalsMissing => write!(f, "an octree split by normal needs normals"),
             Self::NoPointsPerLeaf => write!(f, "a leaf must be allowed at least one point, not 0"),

@@ -4,6 +4,7 @@
 use crate::direct::Sources;
 use crate::error::Error;
 use crate::expansion::{COLOURS, Expansion};
+use crate::links::Links;
 use crate::lists::{Batch, Batches, Lists, Rows};
 use crate::octree::Octree;
 use crate::translations::Translations;
@@ -22,6 +23,7 @@ pub struct Passes<'a> {
     pub batches: &'a Batches,
     pub translations: &'a Translations,
     pub points: &'a Sources,
+    pub links: &'a Links,
 }
 
 type Colours = [[f64; 3]];
@@ -183,6 +185,15 @@ impl Passes<'_> {
             let near = self.lists.near_neighbours.row(b);
             self.points.add_groups(&tree.positions[points.clone()], &tree.normals[points], near, &strengths, out);
         });
+    }
+
+    /// Runs of points of source boxes that are seen in part, directly and each as one source (section 5).
+    pub fn links(&self, q: &Colours, irradiance: &mut Colours) {
+        if self.links.leaves.is_empty() {
+            return;
+        }
+        let strengths = self.links.strengths(q);
+        self.each_leaf(irradiance, |b, out| self.links.add(self.targets, b, &strengths, out));
     }
 
     /// Work on every leaf of the targets together with its part of the irradiance.

@@ -69,7 +69,7 @@ impl FacingRays {
     }
 }
 
-fn facing(x: [f64; 3], n_x: [f64; 3], y: [f64; 3], n_y: [f64; 3]) -> bool {
+pub(crate) fn facing(x: [f64; 3], n_x: [f64; 3], y: [f64; 3], n_y: [f64; 3]) -> bool {
     let d = DVec3::from(x) - DVec3::from(y);
     let (cos_y, cos_x) = (DVec3::from(n_y).dot(d), -DVec3::from(n_x).dot(d));
     cos_y > 0.0 && cos_x > 0.0 && cos_y * cos_x > GRAZING * d.length_squared()

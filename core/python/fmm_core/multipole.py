@@ -29,10 +29,10 @@ class MultipoleSpace:
     def exchange(self, tick: Tick = silent) -> Operator:
         tick(0.0)
         points, normals = self.sums.particles.positions, self.sums.particles.normals
-        fmm = self._fmm(None)
+        fmm = self._fmm(None, tick)
         self.counts = fmm.counts()
-        tick(0.5)
-        return Operator(self.sums.particles, lambda q: fmm.apply(q)[0], self.sums.correction(points, normals, None))
+        correction = self.sums.correction(points, normals, fmm=fmm)
+        return Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
 
     def gather(
         self,
@@ -43,15 +43,14 @@ class MultipoleSpace:
     ) -> NDArray[np.float64]:
         if len(points) == 0:
             return np.zeros((0, 3))
-        fmm = self._fmm((points, normals))
-        tick(0.5)
-        correction = self.sums.correction(points, normals, None)
+        fmm = self._fmm((points, normals), tick)
+        correction = self.sums.correction(points, normals, fmm=fmm)
         return Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction).apply(radiosity)
 
-    def _fmm(self, targets: tuple[NDArray[np.float64], NDArray[np.float64]] | None) -> _binding.Fmm:
+    def _fmm(self, targets: tuple[NDArray[np.float64], NDArray[np.float64]] | None, tick: Tick) -> _binding.Fmm:
         particles, settings = self.sums.particles, self._settings
-        return _binding.Fmm(
-            (particles.positions, particles.normals),
+        fmm = _binding.Fmm(
+            (particles.positions, particles.normals, particles.emits),
             particles.softening,
             targets,
             settings.truncation,
@@ -60,3 +59,12 @@ class MultipoleSpace:
             settings.separation,
             settings.expansion_in_use,
         )
+        if self.sums.occlusion is not None:
+            self.sums.occlusion.occlude(fmm, particles.visibility_weights, self.sums.reach, self._effort, tick)
+        return fmm
+
+    @property
+    def _effort(self) -> tuple[float, float, float]:
+        import os
+        q = os.environ.get("EFFORT")
+        return eval(q)

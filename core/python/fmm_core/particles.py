@@ -22,7 +22,8 @@ SOFTENING = 1e-3
 class Particles:
     """Quadrature points, `per_patch` consecutive ones a patch; two-sided triangles have patches on both sides.
 
-    positions, normals (N, 3); weights (N,) in units of area; triangle (N,) row of the scene; per_patch int
+    positions, normals (N, 3); weights (N,) in units of area; triangle (N,) row of the scene; emits (N,) whether that
+    emits; per_patch int
     patches (P, 3, 3) corners; areas (P,); radii (P,) from centroid to farthest corner
     """
 
@@ -30,10 +31,20 @@ class Particles:
     normals: NDArray[np.float64]
     weights: NDArray[np.float64]
     triangle: NDArray[np.int64]
+    emits: NDArray[np.bool_]
     per_patch: int
     patches: NDArray[np.float64]
     areas: NDArray[np.float64]
     radii: NDArray[np.float64]
+
+    @property
+    def visibility_weights(self) -> NDArray[np.float64]:
+        """(N,) what each particle may send, as a share of what a point in the open receives, in units of area.
+
+        Emitters count for half of all light and everything else for the other half, whatever their power is now.
+        """
+        emitting = self.weights[self.emits].sum()
+        return 0.5 * self.weights * np.where(self.emits, self.weights.sum() / emitting, 1.0)
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -62,6 +73,7 @@ def make_particles(scene: Scene, count: int, degree: int) -> Particles:
         normals=np.repeat(cross / double_areas[:, None], per_patch, axis=0),
         weights=(areas[:, None] * shares).ravel(),
         triangle=np.repeat(triangle, per_patch),
+        emits=np.repeat(scene.emission.any(axis=1)[triangle], per_patch),
         per_patch=per_patch,
         patches=np.ascontiguousarray(patches),
         areas=areas,

@@ -80,8 +80,6 @@ class Settings:
             raise Error(f"quadrature: expected 1, 2, 4 or 5, got {self.quadrature!r}")
         if self.expansion == "compressed" and self.truncation > MAX_COMPRESSED:
             raise Error(f"truncation: the compressed expansion goes up to {MAX_COMPRESSED}, got {self.truncation}")
-        if self.method == "fmm" and self.visibility == "rays":
-            raise Error("visibility: method 'fmm' does not treat occlusion yet, expected none, got 'rays'")
 
     def _check_integer(self, name: str, low: int, high: int) -> None:
         value = getattr(self, name)

@@ -67,22 +67,35 @@ class Sums:
         )
 
     @property
+    def reach(self) -> NDArray[np.float64]:
+        """(N,) distance from a particle beyond which its patch is never near."""
+        return np.repeat(self._reach + self.particles.radii, self.particles.per_patch)
+
+    @property
     def rays(self) -> int:
         """Rays traced so far."""
         return self.occlusion.rays if self.occlusion else 0
 
     def correction(
-        self, points: NDArray[np.float64], normals: NDArray[np.float64], visible: NDArray[np.uint64] | None
+        self,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        visible: NDArray[np.uint64] | None = None,
+        fmm: _binding.Fmm | None = None,
     ) -> _binding.Correction:
-        """Exact minus point kernel for near patches; `visible` as the sum over the points has it."""
+        """Exact minus point kernel for near patches; `visible` or `fmm` tells which points the sum has."""
         near = _binding.NearField(points, normals, self.particles.patches, self._reach)
-        fractions = np.ones(len(near))
+        fractions, counted = np.ones(len(near)), None
         if self.occlusion is not None:
-            rows = np.repeat(np.arange(len(points)), np.diff(near.starts()).astype(np.int64))
-            patch_normals = self.particles.normals[near.patches() * self.particles.per_patch]
-            ends = points[rows], normals[rows], near.targets(), patch_normals
-            fractions = self.occlusion.visible_targets(*ends).astype(np.float64)
-        return _binding.Correction(near, points, normals, self.sources, fractions, visible)
+            asked = np.ones(len(near), dtype=bool)
+            if fmm is not None:
+                counted, whole = fmm.near_seen(near, self.particles.per_patch)
+                asked = ~whole
+            rows = np.repeat(np.arange(len(points)), np.diff(near.starts()).astype(np.int64))[asked]
+            patch_normals = self.particles.normals[near.patches()[asked] * self.particles.per_patch]
+            ends = points[rows], normals[rows], near.targets()[asked], patch_normals
+            fractions[asked] = self.occlusion.visible_targets(*ends)
+        return _binding.Correction(near, points, normals, self.sources, fractions, visible, counted)
 
     def direct_operator(
         self, points: NDArray[np.float64], normals: NDArray[np.float64], symmetric: bool = False, tick: Tick = silent

@@ -28,6 +28,8 @@ finally:
 OFFSET = 2e-6
 #: Receivers and sources are taken in blocks of about this many pairs: small enough that all cores end together.
 BLOCK_PAIRS = 1 << 16
+#: Leaves whose links are filled in one block: about 100,000 rays.
+LEAVES_PER_BLOCK = 16
 
 
 class Occlusion:
@@ -39,6 +41,7 @@ class Occlusion:
     def __init__(self, scene: Scene) -> None:
         self._centre = scene.centre
         self._scale = scene.size / 2
+        self._triangles = scene.triangles
         self.rays = 0
         corners = ((scene.triangles - self._centre) / self._scale).astype(np.float32)
         self._scene = embreex.rtcore_scene.EmbreeScene()
@@ -80,6 +83,28 @@ class Occlusion:
         if symmetric:
             _binding.symmetrise(bits, len(sources))
         return bits
+
+    def occlude(
+        self,
+        fmm: _binding.Fmm,
+        weights: NDArray[np.float64],
+        reach: NDArray[np.float64],
+        effort: tuple[float, float, float],
+        tick: Tick = silent,
+    ) -> None:
+        """Turns the lists of a fast multipole sum into visible ones (section 5 of the paper).
+
+        weights (N,) what each source sends, as a share of what a point in the open receives, in units of area;
+        reach (N,) distance within which a source counts by itself; effort as `VisibilityOptions` of the core has it.
+        """
+        fmm.occlude(self._triangles, weights, reach, (tuple(self._centre), self._scale, OFFSET), effort)
+
+        def fill(leaves: slice) -> int:
+            slots, origins, directions = fmm.link_rays(leaves.start, leaves.stop)
+            fmm.block(slots, self._occluded(origins, directions))
+            return len(slots)
+
+        self.rays += _run_blocks(fill, fmm.linked_leaves(), LEAVES_PER_BLOCK, tick)
 
     def visible_targets(
         self,

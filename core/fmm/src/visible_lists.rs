@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What settled visibility becomes: lists of valid pairs, and links.
+
+use crate::facing::Facing;
+use crate::links::{Links, Runs};
+use crate::lists::{Lists, Rows};
+use crate::octree::Octree;
+use crate::visibility::{Kind, Pair, View, Visibility};
+use rayon::prelude::*;
+
+impl Visibility {
+    /// Reduces the lists to the valid pairs, and makes the links, with all bits set.
+    pub fn finish(&mut self, view: &View, lists: &mut Lists) -> Links {
+        let (kept, listed): (Vec<Pair>, Vec<Pair>) =
+            std::mem::take(&mut self.valid).into_iter().partition(|pair| pair.kind == Kind::Link);
+        let points = lists.options.direct_points;
+        let mut valid: Vec<Pair> = kept.par_iter().flat_map_iter(|&pair| view.whole(pair, points)).collect();
+        valid.extend(listed);
+        let rows = |kind| rows(&view.targets, valid.iter().filter(|pair| pair.kind == kind));
+        lists.near_neighbours = rows(Kind::Near);
+        lists.interaction_list = rows(Kind::Interaction);
+        lists.local_interaction_list = rows(Kind::Local);
+        lists.multipole_interaction_list = rows(Kind::Multipole);
+
+        let mut runs = Runs::default();
+        let mut links = Vec::new();
+        for pair in std::mem::take(&mut self.links) {
+            let count = self.runs_of(view, pair);
+            links.extend(
+                runs.of(&view.sources, pair.source, count, &view.weights, &view.softening).map(|run| (pair.target, run)),
+            );
+        }
+        Links::new(&view.targets, links, runs)
+    }
+
+    /// Into how many runs the source box of a link is cut.
+    fn runs_of(&self, view: &View, pair: Pair) -> u32 {
+        let (t, s) = (pair.target as usize, pair.source as usize);
+        let points = view.sources.count(s) as u32;
+        if view.distance(t, s) < view.reach[s] {
+            return points;
+        }
+        let fine = (view.angle(t, s) / self.options.run_angle).powi(2);
+        let strong = view.share(t, s) / self.options.share;
+        let count = fine.max(strong).clamp(1.0, f64::from(points));
+        (count as u32).next_power_of_two().min(points)
+    }
+}
+
+impl View {
+    /// What the leaves of the target receive from a source box that all of them see: its expansion where it has more than
+    /// so many points and converges, its points elsewhere.
+    fn whole(&self, pair: Pair, points: usize) -> Vec<Pair> {
+        let s = pair.source as usize;
+        let mut pairs = Vec::new();
+        for target in leaves_below(&self.targets, pair.target as usize) {
+            let expanded = self.sources.count(s) > points
+                && self.facing.classify(target, s) == Facing::All
+                && self.far(target, s)
+                && self.distance(target, s) >= self.reach[s];
+            let target = target as u32;
+            if expanded {
+                pairs.push(Pair { target, source: pair.source, kind: Kind::Multipole });
+            } else {
+                let near = |leaf: usize| Pair { target, source: leaf as u32, kind: Kind::Near };
+                pairs.extend(leaves_below(&self.sources, s).into_iter().map(near));
+            }
+        }
+        pairs
+    }
+
+    /// Whether all points of a target box are more than k cells of the source box away from its cell.
+    fn far(&self, t: usize, s: usize) -> bool {
+        let (centre, half) = (self.sources.centre(s), self.sources.half_side(s));
+        let gap = |i: usize| (self.targets.low[t][i] - centre[i]).max(centre[i] - self.targets.high[t][i]);
+        (0..3).any(|i| gap(i) > half * f64::from(2 * self.separation + 1))
+    }
+}
+
+/// The leaves at or below a box.
+fn leaves_below(tree: &Octree, b: usize) -> Vec<usize> {
+    let (mut leaves, mut boxes) = (Vec::new(), vec![b]);
+    while let Some(b) = boxes.pop() {
+        if tree.is_leaf(b) {
+            leaves.push(b);
+        }
+        boxes.extend(tree.children(b));
+    }
+    leaves
+}
+
+/// Pairs as rows by target, sorted.
+fn rows<'a>(targets: &Octree, pairs: impl Iterator<Item = &'a Pair>) -> Rows {
+    let mut pairs: Vec<(u32, u32)> = pairs.map(|pair| (pair.target, pair.source)).collect();
+    pairs.par_sort_unstable();
+    let mut rows = Rows { starts: vec![0; targets.n_boxes() + 1], boxes: Vec::with_capacity(pairs.len()) };
+    for (t, s) in pairs {
+        rows.starts[t as usize + 1] += 1;
+        rows.boxes.push(s);
+    }
+    for b in 0..targets.n_boxes() {
+        rows.starts[b + 1] += rows.starts[b];
+    }
+    rows
+}
