@@ -17,7 +17,6 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 type Points<'py> = PyReadonlyArray2<'py, f64>;
-type Emitting<'py> = (Points<'py>, Points<'py>, PyReadonlyArray1<'py, bool>);
 /// Slots (R,), origins and directions (R, 3).
 type RayArrays<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
 type SeenArrays<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
@@ -25,7 +24,7 @@ type SeenArrays<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
 type Timed<'py> = (Bound<'py, PyArray2<f64>>, driver::Seconds);
 
 /// Octrees, lists and translations for fixed receivers and sources. Where these are a sample, `share` of the points,
-/// the lists are those of the whole: the grouping is for the caller to reduce.
+/// the lists are those of the whole: the grouping is for the caller to reduce. `emitters` (N,) are in boxes of their own.
 #[pyclass]
 pub struct Fmm {
     driver: driver::Fmm,
@@ -34,11 +33,13 @@ pub struct Fmm {
 #[pymethods]
 impl Fmm {
     #[new]
-    #[pyo3(signature = (sources, softening, targets, truncation, grouping, level, separation, expansion, share=1.0))]
+    #[pyo3(signature = (
+        sources, softening, targets, truncation, grouping, level, separation, expansion, share=1.0, emitters=None
+    ))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python,
-        sources: Emitting,
+        sources: (Points, Points),
         softening: PyReadonlyArray1<f64>,
         targets: Option<(Points, Points)>,
         truncation: usize,
@@ -47,6 +48,7 @@ impl Fmm {
         separation: u8,
         expansion: &str,
         share: f64,
+        emitters: Option<PyReadonlyArray1<bool>>,
     ) -> PyResult<Self> {
         let grouping = level.map_or(Grouping::Adaptive { points: grouping }, |level| Grouping::Uniform { level });
         let options = OctreeOptions { grouping, by_normal: true };
@@ -55,7 +57,8 @@ impl Fmm {
             Some((points, normals)) => Some((triples(points, "points")?, triples(normals, "normals")?)),
             None => None,
         };
-        let (softening, emitters) = (flat(&softening)?, flat(&sources.2)?);
+        let softening = flat(&softening)?;
+        let emitters = emitters.as_ref().map(flat).transpose()?.unwrap_or_default();
         let build = || -> Result<driver::Fmm, ::fmm::Error> {
             let grid = Grid::around(&[y, x.map_or(&[], |(points, _)| points)])?;
             let source_tree = Arc::new(Octree::with_emitters(y, Some(n_y), emitters, grid, options)?);
@@ -83,23 +86,27 @@ impl Fmm {
         Ok((table(py, irradiance)?, seconds))
     }
 
+    /// How many of the triangles (T, 3, 3) can be between points of the octrees.
+    fn find_blockers(&mut self, py: Python, scene: PyReadonlyArray3<f64>) -> PyResult<usize> {
+        let triangles = triangles(&scene)?;
+        Ok(py.detach(|| self.driver.find_blockers(triangles)))
+    }
+
     /// Reduces the lists to visible ones: weights and reach (N,) of the sources, frame as (centre, scale, offset), effort
-    /// as (share, angle, run_angle).
+    /// as (share, angle, run_angle, part_angle).
     fn occlude(
         &mut self,
         py: Python,
-        scene: PyReadonlyArray3<f64>,
         weights: PyReadonlyArray1<f64>,
         reach: PyReadonlyArray1<f64>,
         frame: ([f64; 3], f64, f64),
-        effort: (f64, f64, f64),
+        effort: (f64, f64, f64, f64),
     ) -> PyResult<()> {
         let (centre, scale, offset) = frame;
-        let (share, angle, run_angle) = effort;
-        let options = VisibilityOptions { share, angle, run_angle };
+        let (share, angle, run_angle, part_angle) = effort;
+        let options = VisibilityOptions { share, angle, run_angle, part_angle };
         let frame = Frame { centre, scale, offset };
-        let triangles = triangles(&scene)?;
-        let scene = Occluded { triangles, frame, weights: flat(&weights)?, reach: flat(&reach)? };
+        let scene = Occluded { frame, weights: flat(&weights)?, reach: flat(&reach)? };
         py.detach(|| self.driver.occlude(&scene, options)).map_err(value_error)
     }
 

@@ -9,6 +9,7 @@ use crate::links::Links;
 use crate::lists::{Batches, Lists, ListsOptions};
 use crate::octree::Octree;
 use crate::passes::Passes;
+use crate::shaft::Blockers;
 use crate::translations::Translations;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
@@ -45,6 +46,7 @@ pub struct Fmm {
     points: Sources,
     pub(crate) softening: Vec<f64>,
     pub(crate) links: Links,
+    pub(crate) blockers: Blockers,
     pub(crate) rounds: Option<Rounds>,
 }
 
@@ -78,6 +80,7 @@ impl Fmm {
             points,
             softening,
             links: Links::default(),
+            blockers: Blockers::default(),
             rounds: None,
         })
     }

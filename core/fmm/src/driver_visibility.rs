@@ -16,8 +16,6 @@ use std::sync::OnceLock;
 
 /// What visibility depends on besides the points.
 pub struct Occluded<'a> {
-    /// (T, 3, 3) corners of all triangles.
-    pub triangles: &'a [[[f64; 3]; 3]],
     pub frame: Frame,
     /// (N,) what each source sends, as a share of what a point in the open receives, in units of area; scene order.
     pub weights: &'a [f64],
@@ -40,6 +38,13 @@ pub struct NearSeen {
 }
 
 impl Fmm {
+    /// Finds which of the triangles (T, 3, 3) can be between points of the octrees, and returns their number: where there
+    /// are none, all pairs are valid.
+    pub fn find_blockers(&mut self, triangles: &[[[f64; 3]; 3]]) -> usize {
+        self.blockers = Blockers::new(triangles, [&self.targets, &self.sources]);
+        self.blockers.len()
+    }
+
     /// Reduces the lists to the pairs that are proved to see each other as a whole, and makes links of the others, which
     /// want rays.
     pub fn occlude(&mut self, scene: &Occluded, options: VisibilityOptions) -> Result<(), Error> {
@@ -54,11 +59,11 @@ impl Fmm {
             sources: self.sources.clone(),
             facing: FacingTest::new(&self.targets, &self.sources, self.lists.options.grazing)?,
             frame: scene.frame,
-            separation: self.lists.options.separation,
+            lists: self.lists.options,
             weights: Weights::new(&in_tree(scene.weights)),
             softening: self.softening.clone(),
             reach: (0..self.sources.n_boxes()).into_par_iter().map(farthest).collect(),
-            blockers: Blockers::new(scene.triangles, [&self.targets, &self.sources]),
+            blockers: std::mem::take(&mut self.blockers),
             ends: [ends(&self.targets), ends(&self.sources)],
         };
         let mut visibility = Visibility::generate(&view, &self.lists, options);

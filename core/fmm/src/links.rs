@@ -5,22 +5,33 @@
 
 use crate::direct::Sources;
 use crate::error::{Error, same_length};
+use crate::kernel;
 use crate::octree::Octree;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Runs of source points, in tree order, each of which stands for one source.
+/// Neighbouring source points that one ray decides about.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// In tree order.
+    pub points: Range<u32>,
+    /// What stands for them.
+    parts: Range<u32>,
+}
+
+/// Runs, and the parts that they are made of: each part counts as one source.
 #[derive(Debug, Default)]
 pub struct Runs {
-    pub points: Vec<Range<u32>>,
+    pub runs: Vec<Run>,
+    parts: Vec<Range<u32>>,
     positions: Vec<[f64; 3]>,
-    /// Means, not made unit: a bent run sends less.
+    /// Means, not made unit: a bent part sends less.
     normals: Vec<[f64; 3]>,
     softening: Vec<f64>,
-    /// Runs of a source box cut into so many.
-    known: HashMap<(u32, u32), Range<u32>>,
+    /// Runs of a source box cut in so many runs of so many parts.
+    known: HashMap<(u32, (u32, u32)), Range<u32>>,
 }
 
 /// Sums of the weights of the source points, tree order: those of points i..j are `sums[j] - sums[i]`.
@@ -52,26 +63,31 @@ impl Weights {
 }
 
 impl Runs {
-    /// The runs of source box s cut into at most `count` of equal weight; `softening` (N,) in tree order.
-    pub fn of(&mut self, tree: &Octree, s: u32, count: u32, weights: &Weights, softening: &[f64]) -> Range<u32> {
-        if let Some(known) = self.known.get(&(s, count)) {
+    /// The runs of source box s cut into at most so many runs of so many parts, all of equal weight; `softening` (N,) in
+    /// tree order.
+    pub fn of(
+        &mut self,
+        tree: &Octree,
+        s: u32,
+        cut: (u32, u32),
+        weights: &Weights,
+        softening: &[f64],
+    ) -> Range<u32> {
+        if let Some(known) = self.known.get(&(s, cut)) {
             return known.clone();
         }
-        let first = self.points.len() as u32;
+        let first = self.runs.len() as u32;
         let points = tree.points_of(s as usize);
-        let all = count as usize >= points.len();
-        let count = (count as usize).min(points.len());
-        let cut = |run: usize| match run {
-            0 => points.start,
-            _ if run == count => points.end,
-            _ if all => points.start + run,
-            _ => weights.at(&points, run as f64 / count as f64),
-        };
-        for run in (0..count).map(|run| cut(run)..cut(run + 1)).filter(|run| !run.is_empty()) {
-            self.push(tree, run, weights, softening);
+        for run in pieces(weights, &points, cut.0) {
+            let first_part = self.parts.len() as u32;
+            for part in pieces(weights, &run, cut.1) {
+                self.push(tree, part, weights, softening);
+            }
+            let parts = first_part..self.parts.len() as u32;
+            self.runs.push(Run { points: run.start as u32..run.end as u32, parts });
         }
-        let runs = first..self.points.len() as u32;
-        self.known.insert((s, count as u32), runs.clone());
+        let runs = first..self.runs.len() as u32;
+        self.known.insert((s, cut), runs.clone());
         runs
     }
 
@@ -88,17 +104,55 @@ impl Runs {
         self.positions.push(mean(&tree.positions));
         self.normals.push(mean(&tree.normals));
         self.softening.push(softening[points.start]);
-        self.points.push(points.start as u32..points.end as u32);
+        self.parts.push(points.start as u32..points.end as u32);
+    }
+
+    /// A point of a run as a share, 0 to 1, of what a receiver gets from it: what is near counts for more than what is far,
+    /// and is seen more often.
+    pub fn point(&self, x: [f64; 3], n_x: [f64; 3], run: &Run, weights: &Weights, share: f64) -> usize {
+        let sent = |part: u32| {
+            let (part, points) = (part as usize, to_usize(&self.parts[part as usize]));
+            kernel(x, n_x, self.positions[part], self.normals[part], self.softening[part]) * weights.of(&points)
+        };
+        let total: f64 = run.parts.clone().map(sent).sum();
+        let mut left = share * total;
+        for part in run.parts.clone() {
+            let own = sent(part);
+            if left < own {
+                return weights.at(&to_usize(&self.parts[part as usize]), left / own);
+            }
+            left -= own;
+        }
+        // Nothing arrives, or rounding.
+        weights.at(&to_usize(&run.points), share)
     }
 
     fn strengths(&self, q: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let sum = |run: &Range<u32>| {
-            q[run.start as usize..run.end as usize]
+        let sum = |part: &Range<u32>| {
+            q[part.start as usize..part.end as usize]
                 .iter()
                 .fold([0.0; 3], |sum: [f64; 3], q| [sum[0] + q[0], sum[1] + q[1], sum[2] + q[2]])
         };
-        self.points.par_iter().map(sum).collect()
+        self.parts.par_iter().map(sum).collect()
     }
+}
+
+fn to_usize(points: &Range<u32>) -> Range<usize> {
+    points.start as usize..points.end as usize
+}
+
+/// At most `count` pieces of equal weight of a range of points, none of them empty; single points from there on.
+fn pieces(weights: &Weights, points: &Range<usize>, count: u32) -> Vec<Range<usize>> {
+    let count = count as usize;
+    if count >= points.len() {
+        return points.clone().map(|j| j..j + 1).collect();
+    }
+    let cut = |piece: usize| match piece {
+        0 => points.start,
+        _ if piece == count => points.end,
+        _ => weights.at(points, piece as f64 / count as f64),
+    };
+    (0..count).map(|piece| cut(piece)..cut(piece + 1)).filter(|piece| !piece.is_empty()).collect()
 }
 
 /// The runs that a leaf sees in part, and where its points' rows of bits start.
@@ -107,6 +161,10 @@ pub struct LeafLinks {
     pub leaf: u32,
     /// In order of their points, which no two of them share.
     pub runs: Vec<u32>,
+    /// First bit of each run in a row: one for each of its parts.
+    pub columns: Vec<u32>,
+    /// Bits in a row.
+    width: usize,
     first_word: usize,
 }
 
@@ -115,34 +173,48 @@ pub struct LeafLinks {
 pub struct Links {
     pub leaves: Vec<LeafLinks>,
     pub runs: Runs,
-    /// (B,) place of each target box in `leaves`, where it has links.
+    /// Place in `leaves` of each target box that has links.
     places: HashMap<u32, usize>,
     bits: Vec<AtomicU64>,
 }
 
+/// Bits of a slot that hold the number of its first bit; the rest hold how many follow it.
+const SLOT_BITS: u32 = 40;
+
 impl Links {
     /// Links with all bits set, from pairs of a target leaf and a run.
     pub fn new(targets: &Octree, mut pairs: Vec<(u32, u32)>, runs: Runs) -> Self {
-        pairs.par_sort_unstable_by_key(|&(leaf, run)| (targets.points[leaf as usize][0], runs.points[run as usize].start));
+        let start = |run: u32| runs.runs[run as usize].points.start;
+        pairs.par_sort_unstable_by_key(|&(leaf, run)| (targets.points[leaf as usize][0], start(run)));
         let (mut leaves, mut places, mut words) = (Vec::new(), HashMap::new(), 0);
         for row in pairs.chunk_by(|a, b| a.0 == b.0) {
             let leaf = row[0].0;
             places.insert(leaf, leaves.len());
-            leaves.push(LeafLinks { leaf, runs: row.iter().map(|pair| pair.1).collect(), first_word: words });
-            words += targets.count(leaf as usize) * row.len().div_ceil(64);
+            let (mut columns, mut width) = (Vec::with_capacity(row.len()), 0);
+            for &(_, run) in row {
+                columns.push(width as u32);
+                width += runs.runs[run as usize].parts.len();
+            }
+            let runs = row.iter().map(|pair| pair.1).collect();
+            leaves.push(LeafLinks { leaf, runs, columns, width, first_word: words });
+            words += targets.count(leaf as usize) * width.div_ceil(64);
         }
         let bits = (0..words).map(|_| AtomicU64::new(u64::MAX)).collect();
         Self { leaves, runs, places, bits }
     }
 
-    /// Pairs of a point and a run.
+    /// Pairs of a point and what counts as one source for it.
     pub fn count(&self, targets: &Octree) -> usize {
-        self.leaves.iter().map(|links| targets.count(links.leaf as usize) * links.runs.len()).sum()
+        self.leaves.iter().map(|links| targets.count(links.leaf as usize) * links.width).sum()
     }
 
-    /// Number of the bit of a leaf's point and run, by their places.
-    pub fn bit(&self, links: &LeafLinks, row: usize, column: usize) -> u64 {
-        ((links.first_word + row * links.runs.len().div_ceil(64)) * 64 + column) as u64
+    fn bit(&self, links: &LeafLinks, row: usize, column: u32) -> u64 {
+        ((links.first_word + row * links.width.div_ceil(64)) * 64) as u64 + u64::from(column)
+    }
+
+    /// Where the answer for the row-th point of a leaf and the run at a column goes: its bits.
+    pub fn slot(&self, links: &LeafLinks, row: usize, column: u32, run: &Run) -> u64 {
+        self.bit(links, row, column) | (run.parts.len() as u64 - 1) << SLOT_BITS
     }
 
     fn is_set(&self, bit: u64) -> bool {
@@ -153,43 +225,46 @@ impl Links {
     /// None where there is no such link.
     pub fn sees(&self, leaf: u32, row: usize, j: usize) -> Option<bool> {
         let links = &self.leaves[*self.places.get(&leaf)?];
-        let end = links.runs.partition_point(|&run| self.runs.points[run as usize].start as usize <= j);
-        let column = end.checked_sub(1)?;
-        let run = &self.runs.points[links.runs[column] as usize];
-        (j < run.end as usize).then(|| self.is_set(self.bit(links, row, column)))
+        let points = |run: u32| &self.runs.runs[run as usize].points;
+        let place = links.runs.partition_point(|&run| points(run).start as usize <= j).checked_sub(1)?;
+        (j < points(links.runs[place]).end as usize).then(|| self.is_set(self.bit(links, row, links.columns[place])))
     }
 
-    /// Clears the bits of the rays that did not arrive.
-    pub fn block(&self, bits: &[u64], occluded: &[bool]) -> Result<(), Error> {
-        same_length("answers", bits.len(), occluded.len())?;
-        for (&bit, _) in bits.iter().zip(occluded).filter(|(_, occluded)| **occluded) {
-            let word = self.bits.get(bit as usize / 64).ok_or(Error::Index {
-                what: "visibility bit",
-                index: bit as usize,
-                count: 64 * self.bits.len(),
-            })?;
-            word.fetch_and(!(1 << (bit % 64)), Ordering::Relaxed);
+    /// Clears the bits of the rays that did not arrive, from the slots of all rays.
+    pub fn block(&self, slots: &[u64], occluded: &[bool]) -> Result<(), Error> {
+        same_length("answers", slots.len(), occluded.len())?;
+        for (&slot, _) in slots.iter().zip(occluded).filter(|(_, occluded)| **occluded) {
+            let first = slot & ((1 << SLOT_BITS) - 1);
+            for bit in first..=first + (slot >> SLOT_BITS) {
+                let word = self.bits.get(bit as usize / 64).ok_or(Error::Index {
+                    what: "visibility bit",
+                    index: bit as usize,
+                    count: 64 * self.bits.len(),
+                })?;
+                word.fetch_and(!(1 << (bit % 64)), Ordering::Relaxed);
+            }
         }
         Ok(())
     }
 
-    /// Strengths (R, 3) of all runs from those of the sources (N, 3) in tree order.
+    /// Strengths (R, 3) of all parts from those of the sources (N, 3) in tree order.
     pub fn strengths(&self, q: &[[f64; 3]]) -> Vec<[f64; 3]> {
         self.runs.strengths(q)
     }
 
-    /// Adds what arrives at the points of one target leaf, from the strengths of the runs.
+    /// Adds what arrives at the points of one target leaf, from the strengths of the parts.
     pub fn add(&self, targets: &Octree, leaf: usize, strengths: &[[f64; 3]], irradiance: &mut [[f64; 3]]) {
         let Some(&place) = self.places.get(&(leaf as u32)) else { return };
         let links = &self.leaves[place];
-        let of_runs = |rows: &[[f64; 3]]| links.runs.iter().map(|&run| rows[run as usize]).collect::<Vec<_>>();
-        let softening: Vec<f64> = links.runs.iter().map(|&run| self.runs.softening[run as usize]).collect();
-        let (positions, normals) = (of_runs(&self.runs.positions), of_runs(&self.runs.normals));
+        let parts = || links.runs.iter().flat_map(|&run| self.runs.runs[run as usize].parts.clone());
+        let of_parts = |rows: &[[f64; 3]]| parts().map(|part| rows[part as usize]).collect::<Vec<_>>();
+        let softening: Vec<f64> = parts().map(|part| self.runs.softening[part as usize]).collect();
+        let (positions, normals) = (of_parts(&self.runs.positions), of_parts(&self.runs.normals));
         let Ok(sources) = Sources::new(&positions, &normals, &softening) else { return };
         let points = targets.points_of(leaf);
         let words = links.first_word..links.first_word + points.len() * sources.words();
         let bits: Vec<u64> = self.bits[words].iter().map(|word| word.load(Ordering::Relaxed)).collect();
         let (x, n_x) = (&targets.positions[points.clone()], &targets.normals[points]);
-        sources.add_visible(x, n_x, &sources.strengths(&of_runs(strengths)), &bits, irradiance);
+        sources.add_visible(x, n_x, &sources.strengths(&of_parts(strengths)), &bits, irradiance);
     }
 }

@@ -21,6 +21,10 @@ pub use crate::lists_batches::{Batch, Batches};
 use crate::lists_traversal::traverse;
 use crate::octree::{Grid, Octree, OctreeError};
 
+/// An operator for an offset beyond the classical interaction list serves a few pairs only, and making it takes as long as
+/// this many translations.
+const RARE_OFFSET: usize = 300;
+
 /// Rows of box numbers, one for each target box, compressed. B target boxes, E entries.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Rows {
@@ -52,6 +56,17 @@ impl ListsOptions {
     /// The classical lists.
     pub fn new(separation: u32, facing: bool) -> Self {
         Self { separation, facing, grazing: 0.0, direct_pairs: 0, direct_points: 0 }
+    }
+
+    /// Whether two well separated boxes of one level have so few pairs of points that they are not expanded.
+    pub(crate) fn few_pairs(&self, targets: &Octree, t: usize, sources: &Octree, s: usize) -> bool {
+        let classical = cells_between(targets, t, sources, s) <= 2 * i64::from(self.separation) + 1;
+        let most = match (classical, targets.is_leaf(t) && sources.is_leaf(s)) {
+            (true, true) => self.direct_pairs,
+            (true, false) => 0,
+            (false, _) => RARE_OFFSET * self.direct_pairs,
+        };
+        targets.count(t) * sources.count(s) <= most
     }
 }
 

@@ -13,10 +13,6 @@ use crate::facing::{Facing, FacingTest};
 use crate::lists::{FacingCounts, Lists, ListsOptions, Rows, cells_between};
 use crate::octree::Octree;
 
-/// An operator for an offset beyond the classical interaction list serves a few pairs only, and making it takes as long as
-/// this many translations.
-const RARE_OFFSET: usize = 300;
-
 /// Targets visited by one task: small enough to balance, large enough to be worth a task.
 const TASK: usize = 64;
 
@@ -99,7 +95,7 @@ impl Traversal<'_> {
         }
         let separated = self.well_separated(t, s);
         let leaves = (self.targets.is_leaf(t), self.sources.is_leaf(s));
-        let few = self.targets.count(t) * self.sources.count(s) <= self.direct_pairs(t, s, leaves == (true, true));
+        let few = self.options.few_pairs(self.targets, t, self.sources, s);
         if separated && facing == Facing::All && !few {
             part.interaction.push(s);
             return;
@@ -110,16 +106,6 @@ impl Traversal<'_> {
             (true, false) => self.target_leaf(t, s, part),
             (false, true) => part.leaves.push(s),
             (false, false) => part.postponed.push(s),
-        }
-    }
-
-    /// Pairs of points up to which two well separated boxes of one level are not expanded.
-    fn direct_pairs(&self, t: usize, s: usize, leaves: bool) -> usize {
-        let classical = cells_between(self.targets, t, self.sources, s) <= 2 * i64::from(self.options.separation) + 1;
-        match (classical, leaves) {
-            (true, true) => self.options.direct_pairs,
-            (true, false) => 0,
-            (false, _) => RARE_OFFSET * self.options.direct_pairs,
         }
     }
 

@@ -78,6 +78,10 @@ impl Blockers {
         blockers
     }
 
+    pub fn len(&self) -> usize {
+        self.triangles.len()
+    }
+
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }

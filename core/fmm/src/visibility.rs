@@ -8,7 +8,7 @@
 
 use crate::facing::{Facing, FacingTest};
 use crate::links::{Links, Weights};
-use crate::lists::{Lists, cells_between};
+use crate::lists::{Lists, ListsOptions, cells_between};
 use crate::octree::Octree;
 use crate::rays::{Frame, facing};
 use crate::shaft::{Blockers, End};
@@ -25,8 +25,10 @@ pub struct VisibilityOptions {
     pub share: f64,
     /// Size over distance up to which a source box that may be seen in part is not split.
     pub angle: f64,
-    /// Size over distance of the runs that it is then cut into.
+    /// Size over distance of the runs that it is then cut into, one for each ray.
     pub run_angle: f64,
+    /// Size over distance of what counts as one source.
+    pub part_angle: f64,
 }
 
 /// Which list a pair belongs to where it is valid.
@@ -61,7 +63,7 @@ pub struct View {
     pub sources: Arc<Octree>,
     pub facing: FacingTest,
     pub frame: Frame,
-    pub separation: u32,
+    pub lists: ListsOptions,
     /// What each source sends, as a share of what a point in the open receives, in units of area.
     pub weights: Weights,
     /// (N,) in tree order.
@@ -152,17 +154,18 @@ impl Visibility {
         pairs
     }
 
-    /// Rays that fill the bits of some leaves' links; their slots are the numbers of the bits.
+    /// Rays that fill the bits of some leaves' links, whose slots they have.
     pub fn link_rays(&self, view: &View, links: &Links, leaves: Range<usize>) -> Rays {
         let mut rays = Rays::default();
         for leaf in &links.leaves[leaves] {
             for (row, i) in view.targets.points_of(leaf.leaf as usize).enumerate() {
                 let turn = hash(i as u64);
-                for (column, &run) in leaf.runs.iter().enumerate() {
-                    let points = &links.runs.points[run as usize];
-                    let random = unit(hash(turn ^ u64::from(run) << 32));
-                    let j = view.weights.at(&(points.start as usize..points.end as usize), random);
-                    view.push((i, j), links.bit(leaf, row, column), &mut rays);
+                for (run, &column) in leaf.runs.iter().zip(&leaf.columns) {
+                    let run = &links.runs.runs[*run as usize];
+                    let random = unit(hash(turn ^ u64::from(run.points.start) << 32));
+                    let (x, n_x) = (view.targets.positions[i], view.targets.normals[i]);
+                    let j = links.runs.point(x, n_x, run, &view.weights, random);
+                    view.push((i, j), links.slot(leaf, row, column, run), &mut rays);
                 }
             }
         }
@@ -185,10 +188,10 @@ impl View {
         let pair = |kind| Pair { target: t as u32, source: s as u32, kind };
         let leaves = (self.targets.is_leaf(t), self.sources.is_leaf(s));
         let levels = (self.targets.level[t], self.sources.level[s]);
-        let separated = cells_between(&self.targets, t, &self.sources, s) > i64::from(self.separation)
+        let separated = cells_between(&self.targets, t, &self.sources, s) > i64::from(self.lists.separation)
             && self.distance(t, s) >= self.reach[s];
         let expanded = separated && facing == Facing::All;
-        if expanded && levels.0 == levels.1 {
+        if expanded && levels.0 == levels.1 && !self.lists.few_pairs(&self.targets, t, &self.sources, s) {
             pairs.push(pair(Kind::Interaction));
         } else if expanded && leaves.0 && levels.0 < levels.1 {
             pairs.push(pair(Kind::Multipole));

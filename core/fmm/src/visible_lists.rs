@@ -25,25 +25,26 @@ impl Visibility {
         let mut runs = Runs::default();
         let mut links = Vec::new();
         for pair in std::mem::take(&mut self.links) {
-            let count = self.runs_of(view, pair);
+            let cut = self.cut(view, pair);
             links.extend(
-                runs.of(&view.sources, pair.source, count, &view.weights, &view.softening).map(|run| (pair.target, run)),
+                runs.of(&view.sources, pair.source, cut, &view.weights, &view.softening).map(|run| (pair.target, run)),
             );
         }
         Links::new(&view.targets, links, runs)
     }
 
-    /// Into how many runs the source box of a link is cut.
-    fn runs_of(&self, view: &View, pair: Pair) -> u32 {
+    /// Into how many runs the source box of a link is cut, and each of these into how many parts.
+    fn cut(&self, view: &View, pair: Pair) -> (u32, u32) {
         let (t, s) = (pair.target as usize, pair.source as usize);
-        let points = view.sources.count(s) as u32;
+        let points = f64::from(view.sources.count(s) as u32);
         if view.distance(t, s) < view.reach[s] {
-            return points;
+            return (points as u32, 1);
         }
-        let fine = (view.angle(t, s) / self.options.run_angle).powi(2);
-        let strong = view.share(t, s) / self.options.share;
-        let count = fine.max(strong).clamp(1.0, f64::from(points));
-        (count as u32).next_power_of_two().min(points)
+        let (angle, share) = (view.angle(t, s), view.share(t, s));
+        let count = (angle / self.options.run_angle).powi(2).max(share / self.options.share).clamp(1.0, points);
+        let runs = (count as u32).next_power_of_two();
+        let parts = (angle / self.options.part_angle).powi(2) / f64::from(runs);
+        (runs, (parts.clamp(1.0, points) as u32).next_power_of_two())
     }
 }
 
@@ -73,7 +74,7 @@ impl View {
     fn far(&self, t: usize, s: usize) -> bool {
         let (centre, half) = (self.sources.centre(s), self.sources.half_side(s));
         let gap = |i: usize| (self.targets.low[t][i] - centre[i]).max(centre[i] - self.targets.high[t][i]);
-        (0..3).any(|i| gap(i) > half * f64::from(2 * self.separation + 1))
+        (0..3).any(|i| gap(i) > half * f64::from(2 * self.lists.separation + 1))
     }
 }
 

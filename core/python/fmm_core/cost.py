@@ -125,8 +125,7 @@ def _make(
     share: float = 1.0,
 ) -> _binding.Fmm:
     softening = np.full(len(points), 1e-12)
-    emits = np.zeros(len(points), dtype=bool)
-    return _binding.Fmm((points, normals, emits), softening, None, truncation, grouping, None, separation, expansion, share)
+    return _binding.Fmm((points, normals), softening, None, truncation, grouping, None, separation, expansion, share)
 
 
 def _room(count: int) -> tuple[Points, Points]:

@@ -12,6 +12,8 @@ from .transport import Operator, Sums
 
 #: Pairs of a receiver and a particle in one block of a gather: bounds memory, and the time between two ticks.
 BLOCK_PAIRS = 16_000_000
+#: Pairs up to which the visibility of a gather is kept for other lights, a bit each.
+KEPT_PAIRS = 8_000_000_000
 
 
 class DirectSpace:
@@ -19,6 +21,7 @@ class DirectSpace:
 
     def __init__(self, sums: Sums) -> None:
         self.sums = sums
+        self._gathered: tuple[NDArray[np.float64], NDArray[np.float64], list[Operator]] | None = None
 
     def exchange(self, tick: Tick = silent) -> Operator:
         particles = self.sums.particles
@@ -34,11 +37,20 @@ class DirectSpace:
         tick: Tick = silent,
     ) -> NDArray[np.float64]:
         size = max(64, BLOCK_PAIRS // len(self.sums.particles))
-        irradiance = np.zeros((len(points), 3))
+        if self._gathered is not None:
+            kept_points, kept_normals, kept = self._gathered
+            if np.array_equal(kept_points, points) and np.array_equal(kept_normals, normals):
+                return np.concatenate([operator.apply(radiosity) for operator in kept])
+        keep = len(points) * len(self.sums.particles) <= KEPT_PAIRS
+        irradiance, operators = np.zeros((len(points), 3)), []
         for start in range(0, len(points), size):
             rows = slice(start, start + size)
-            irradiance[rows] = self.sums.direct_operator(points[rows], normals[rows]).apply(radiosity)
+            operator = self.sums.direct_operator(points[rows], normals[rows])
+            irradiance[rows] = operator.apply(radiosity)
+            if keep:
+                operators.append(operator)
             tick((start + size) / len(points))
+        self._gathered = (points.copy(), normals.copy(), operators) if operators else None
         return irradiance
 
 

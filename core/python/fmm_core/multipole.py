@@ -10,12 +10,15 @@ from .progress import Tick, silent
 from .settings import Settings
 from .transport import Operator, Sums
 
+Points = NDArray[np.float64]
+
 
 class MultipoleSpace:
     """Operators by the fast multipole method; see `transport.Space`.
 
     grouping   the s in use, chosen by the cost model where the settings leave it open
     counts     how much work the exchange does, by pass
+    pairs      pairs of boxes that see each other as a whole, and pairs that were postponed because they may not
     """
 
     def __init__(self, sums: Sums, settings: Settings) -> None:
@@ -25,32 +28,33 @@ class MultipoleSpace:
         if settings.grouping is None and settings.level is None:
             self.grouping = choose_grouping(particles.positions, particles.normals, settings)
         self.counts: dict[str, int] = {}
+        self.pairs = (0, 0)
+        self._gathered: tuple[Points, Points, Operator] | None = None
+        self._weights: Points | None = None
 
     def exchange(self, tick: Tick = silent) -> Operator:
         tick(0.0)
         points, normals = self.sums.particles.positions, self.sums.particles.normals
-        fmm = self._fmm(None, tick)
-        self.counts = fmm.counts()
-        correction = self.sums.correction(points, normals, fmm=fmm)
+        fmm, correction = self._fmm(None, points, normals, tick)
+        self.counts, self.pairs = fmm.counts(), fmm.outcomes()
         return Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
 
-    def gather(
-        self,
-        points: NDArray[np.float64],
-        normals: NDArray[np.float64],
-        radiosity: NDArray[np.float64],
-        tick: Tick = silent,
-    ) -> NDArray[np.float64]:
+    def gather(self, points: Points, normals: Points, radiosity: Points, tick: Tick = silent) -> Points:
         if len(points) == 0:
             return np.zeros((0, 3))
-        fmm = self._fmm((points, normals), tick)
-        correction = self.sums.correction(points, normals, fmm=fmm)
-        return Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction).apply(radiosity)
+        if self._gathered is None or not _same(self._gathered, points, normals):
+            fmm, correction = self._fmm((points, normals), points, normals, tick)
+            operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
+            self._gathered = points.copy(), normals.copy(), operator
+        return self._gathered[2].apply(radiosity)
 
-    def _fmm(self, targets: tuple[NDArray[np.float64], NDArray[np.float64]] | None, tick: Tick) -> _binding.Fmm:
+    def _fmm(
+        self, targets: tuple[Points, Points] | None, points: Points, normals: Points, tick: Tick
+    ) -> tuple[_binding.Fmm, _binding.Correction]:
+        """The sum at the targets, None for the particles themselves, and what corrects it near patches."""
         particles, settings = self.sums.particles, self._settings
         fmm = _binding.Fmm(
-            (particles.positions, particles.normals, particles.emits),
+            (particles.positions, particles.normals),
             particles.softening,
             targets,
             settings.truncation,
@@ -58,13 +62,23 @@ class MultipoleSpace:
             settings.level,
             settings.separation,
             settings.expansion_in_use,
+            emitters=particles.emits,
         )
-        if self.sums.occlusion is not None:
-            self.sums.occlusion.occlude(fmm, particles.visibility_weights, self.sums.reach, self._effort, tick)
-        return fmm
+        occlusion = self.sums.occlusion
+        if occlusion is None or not occlusion.may_block(fmm):
+            return fmm, self.sums.correction(points, normals, open_space=True)
+        if self._weights is None:
+            weights = particles.visibility_weights
+            self._weights = weights * occlusion.openness(particles.positions, particles.normals, weights)
+        occlusion.occlude(fmm, self._weights, self.sums.reach, self._effort, tick)
+        return fmm, self.sums.correction(points, normals, fmm=fmm)
 
     @property
-    def _effort(self) -> tuple[float, float, float]:
-        import os
-        q = os.environ.get("EFFORT")
-        return eval(q)
+    def _effort(self) -> tuple[float, float, float, float]:
+        """Effort for visibility, as `VisibilityOptions` of the core has it."""
+        runs = min(1.0, (200 / self._settings.rays) ** 0.5)
+        return 0.8 / self._settings.rays, 0.4, 0.2 * runs, 0.1 * runs
+
+
+def _same(gathered: tuple[Points, Points, Operator], points: Points, normals: Points) -> bool:
+    return np.array_equal(gathered[0], points) and np.array_equal(gathered[1], normals)

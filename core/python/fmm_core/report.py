@@ -34,6 +34,9 @@ class Report:
         self.seconds = dict.fromkeys(PHASES, 0.0)
         self.residuals: list[float] = []
         self.error: dict[str, Any] = {"measured_rms": None, "measured_max": None, "probes": 0, "bound": None}
+        self.postponement: float | None = None
+        #: Rays that other solutions of the same scene had traced before.
+        self.traced = 0
         self.warnings = list(scene.warnings)
 
     @contextmanager
@@ -52,7 +55,7 @@ class Report:
             "settings": asdict(self._settings),
             "effects": {},
             "counts": dict(self.counts),
-            "postponement": None,
+            "postponement": self.postponement,
             "seconds": {**self.seconds, "total": sum(self.seconds.values())},
             "peak_memory_mib": peak_memory_mib(),
             "residuals": list(self.residuals),

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The scene: triangles with albedo and emission, checked once."""
 
+import copy
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -44,6 +46,7 @@ class Scene:
         sides = _flags("two_sided", two_sided, len(corners))
 
         self.warnings: list[str] = []
+        self._given = len(corners)
         kept = self._with_area(corners)
         self.triangle_indices = _frozen(np.flatnonzero(kept))
         self.triangles = _frozen(corners[kept])
@@ -53,6 +56,18 @@ class Scene:
         self.centre, self.size = _bounds(self.triangles)
         if not self.emission.any():
             raise Error("emission: the scene has no emitter, every triangle's emission is 0")
+
+    def relit(self, emission: ArrayLike | None = None, albedo: ArrayLike | None = None) -> "Scene":
+        """The same triangles with other emission or albedo, given for the same rows; None keeps what there is."""
+        scene = copy.copy(self)
+        scene.warnings = list(self.warnings)
+        if emission is not None:
+            scene.emission = _frozen(_colours("emission", emission, self._given)[self.triangle_indices])
+            if not scene.emission.any():
+                raise Error("emission: the scene has no emitter, every triangle's emission is 0")
+        if albedo is not None:
+            scene.albedo = _frozen(scene._clamped(_colours("albedo", albedo, self._given)[self.triangle_indices]))
+        return scene
 
     def _with_area(self, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
         edges = corners - np.roll(corners, 1, axis=1)

@@ -22,9 +22,10 @@ class Settings:
     grouping        at most s particles in a leaf of the octree, 1 or more (section 4, step 1), or None to choose the
                     cheapest s by the cost model
     target_error    wanted relative error of the irradiance, between 0 and 1, or None
-    method          "direct": every particle with every other one, the reference; "fmm": the fast multipole method
-    visibility      "rays": a shadow ray for each pair; "none": all in front of the horizon is seen, as it is in a
-                    convex room. The fast multipole method knows "none" only, so far
+    method          "fmm": the fast multipole method; "direct": every particle with every other one, the reference
+    visibility      "rays": shadows; "none": all in front of the horizon is seen, as it is in a convex room
+    rays            about how many rays the fast multipole method traces from each receiver; the error falls with their
+                    number. The direct method traces one for each pair
     expansion       "whole": the kernel as one tensor; "compressed": the same in fewer numbers, which take longer to set
                     up at high p; "paper": eq 4 to 11; None: compressed up to p = 6, whole above
     separation      boxes up to k boxes apart count as near (section 7 of the paper)
@@ -43,8 +44,9 @@ class Settings:
     truncation: int = 4
     grouping: int | None = 64
     target_error: float | None = None
-    method: str = "direct"
+    method: str = "fmm"
     visibility: str = "rays"
+    rays: int = 200
     expansion: str | None = None
     separation: int = 1
     level: int | None = None
@@ -63,6 +65,7 @@ class Settings:
     def __post_init__(self) -> None:
         self._check_integer("truncation", 0, 20)
         self._check_integer("separation", 1, 8)
+        self._check_integer("rays", 10, 100_000)
         self._check_integer("probes", 0, 1 << 20)
         self._check_integer("max_iterations", 1, 1 << 20)
         self._check_real("tolerance", 1e-12, 0.5)

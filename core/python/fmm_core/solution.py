@@ -13,7 +13,8 @@ from .progress import Progress, ticker
 from .report import Report
 from .scene import Scene
 from .settings import Settings
-from .transport import Space
+from .shooting import shoot
+from .transport import Operator, Space
 
 
 class Solution:
@@ -24,11 +25,17 @@ class Solution:
     """
 
     def __init__(
-        self, scene: Scene, settings: Settings, space: Space, radiosity: NDArray[np.float64], report: Report
+        self,
+        scene: Scene,
+        settings: Settings,
+        space: Space,
+        exchange: Operator,
+        radiosity: NDArray[np.float64],
+        report: Report,
     ) -> None:
         self.scene, self.settings = scene, settings
         self.radiosity = radiosity
-        self._space, self._report = space, report
+        self._space, self._exchange, self._report = space, exchange, report
 
     def irradiance(
         self, points: ArrayLike, normals: ArrayLike, progress: Progress | None = None
@@ -46,8 +53,26 @@ class Solution:
                 points, normals, self.radiosity, ticker(progress, 0.0, 1.0, "Gathering light")
             )
         self._report.counts["output_points"] = len(points)
-        self._report.counts["rays"] = self._space.sums.rays
+        self._report.counts["rays"] = self._space.sums.rays - self._report.traced
         return irradiance
+
+    def relight(
+        self, emission: ArrayLike | None = None, albedo: ArrayLike | None = None, progress: Progress | None = None
+    ) -> "Solution":
+        """The same triangles solved with other emission or albedo, without a new ray; also at the points asked last.
+
+        emission, albedo   as `Scene` takes them, for the same triangles; None keeps what there is. A surface that did
+        not emit at first is given as many rays as others that do not.
+        progress as in `solve`. Raises `Error` naming the array, the row and the value.
+        """
+        scene = self.scene.relit(emission, albedo)
+        report = Report(self.settings, scene)
+        report.counts.update(self._report.counts, rays=0, output_points=0)
+        report.postponement, report.traced = self._report.postponement, self._space.sums.rays
+        tick = ticker(progress, 0.0, 1.0, "Exchanging light")
+        with memory_errors(), report.time("transport"):
+            radiosity = shoot(self._exchange, scene, self.particles, self.settings, report, tick)
+        return Solution(scene, self.settings, self._space, self._exchange, radiosity, report)
 
     @property
     def particles(self) -> Particles:

@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From a scene to its solution: particles, visibility, iteration."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from .accuracy import measure
 from .direct import DirectSpace
 from .errors import Error, memory_errors
 from .multipole import MultipoleSpace
-from .particles import Particles, make_particles
-from .progress import Progress, Tick, ticker
+from .particles import make_particles
+from .progress import Progress, ticker
 from .report import Report
 from .scene import Scene
 from .settings import Settings
+from .shooting import shoot
 from .solution import Solution
-from .transport import Operator, Sums
+from .transport import Sums
 from .visibility import Occlusion
 
 #: Quadrature points that a scene of few triangles is cut into when the user leaves the number open.
@@ -53,42 +51,10 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solut
         radiosity = shoot(exchange, scene, particles, settings, report, ticker(progress, 0.8, 1.0, "Exchanging light"))
     if isinstance(space, MultipoleSpace):
         report.counts.update({name: space.counts[name] for name in ("boxes", "leaves")})
-        report.counts["pairs_valid"] = space.counts["interactions"]
+        report.counts.update(pairs_valid=space.pairs[0], pairs_partial=space.pairs[1])
+        report.postponement = space.pairs[1] / max(1, sum(space.pairs))
         if settings.probes:
             with report.time("accuracy"):
                 report.error = measure(exchange, sums, radiosity, settings)
     report.counts["rays"] = sums.rays
-    return Solution(scene, settings, space, radiosity, report)
-
-
-def shoot(
-    exchange: Operator, scene: Scene, particles: Particles, settings: Settings, report: Report, tick: Tick
-) -> NDArray[np.float64]:
-    """Radiosity (N, 3) by shooting: in each step all particles pass on what they received in the step before.
-
-    Ends when no particle has more than the tolerance's share of its light still to come in any colour, judged from the
-    last two steps, so that a dim corner or colour counts like a bright one; or at the cap, with a warning.
-    """
-    albedo = scene.albedo[particles.triangle]
-    unshot = scene.emission[particles.triangle]
-    radiosity = unshot.copy()
-    for step in range(1, settings.max_iterations + 1):
-        unshot = albedo * exchange.apply(unshot)
-        radiosity += unshot
-        lit = radiosity > 0
-        report.residuals.append(float((unshot[lit] / radiosity[lit]).max(initial=0.0)))
-        remaining = _remaining(report.residuals)
-        if remaining <= settings.tolerance:
-            return radiosity
-        tick(min(0.99, step / (step + 10)))
-    report.warnings.append(f"iteration stopped after {step} steps with {remaining:.2g} of the light still to come")
-    return radiosity
-
-
-def _remaining(residuals: list[float]) -> float:
-    """Share of the light that all further steps together would add, from the last two: a geometric series."""
-    last = residuals[-1]
-    if last == 0.0:
-        return 0.0
-    ratio = last / residuals[-2] if len(residuals) > 1 else 1.0
-    return last * ratio / (1 - ratio) if ratio < 1 else float("inf")
+    return Solution(scene, settings, space, exchange, radiosity, report)

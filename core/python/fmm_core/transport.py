@@ -82,11 +82,15 @@ class Sums:
         normals: NDArray[np.float64],
         visible: NDArray[np.uint64] | None = None,
         fmm: _binding.Fmm | None = None,
+        open_space: bool = False,
     ) -> _binding.Correction:
-        """Exact minus point kernel for near patches; `visible` or `fmm` tells which points the sum has."""
+        """Exact minus point kernel for near patches; `visible` or `fmm` tells which points the sum has.
+
+        open_space: nothing can be in the way, so that no ray is needed.
+        """
         near = _binding.NearField(points, normals, self.particles.patches, self._reach)
         fractions, counted = np.ones(len(near)), None
-        if self.occlusion is not None:
+        if self.occlusion is not None and not open_space:
             asked = np.ones(len(near), dtype=bool)
             if fmm is not None:
                 counted, whole = fmm.near_seen(near, self.particles.per_patch)

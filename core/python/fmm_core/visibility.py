@@ -28,6 +28,8 @@ finally:
 OFFSET = 2e-6
 #: Receivers and sources are taken in blocks of about this many pairs: small enough that all cores end together.
 BLOCK_PAIRS = 1 << 16
+#: Rays that tell how open a point is, before those that miss its front are left out.
+OPENNESS_RAYS = 48
 #: Leaves whose links are filled in one block: about 100,000 rays.
 LEAVES_PER_BLOCK = 16
 
@@ -84,20 +86,39 @@ class Occlusion:
             _binding.symmetrise(bits, len(sources))
         return bits
 
+    def may_block(self, fmm: _binding.Fmm) -> bool:
+        """Whether any triangle can be between a source and a receiver of the sum."""
+        return fmm.find_blockers(self._triangles) > 0
+
+    def openness(
+        self, points: NDArray[np.float64], normals: NDArray[np.float64], weights: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(N,) about which share of the others that face it each point sees, from a few rays to random ones by weight."""
+        rng = np.random.default_rng(0)
+        others = np.searchsorted(np.cumsum(weights) / weights.sum(), rng.random((OPENNESS_RAYS, len(points))))
+        rows = np.tile(np.arange(len(points)), OPENNESS_RAYS)
+        others = np.minimum(others.ravel(), len(points) - 1)
+        between = points[others] - points[rows]
+        facing = ((between * normals[rows]).sum(axis=1) > 0) & ((between * normals[others]).sum(axis=1) < 0)
+        rows, others = rows[facing], others[facing]
+        seen = self.visible_targets(points[rows], normals[rows], points[others], normals[others])
+        asked = np.bincount(rows, minlength=len(points))
+        return (1 + np.bincount(rows, seen, minlength=len(points))) / (1 + asked)
+
     def occlude(
         self,
         fmm: _binding.Fmm,
         weights: NDArray[np.float64],
         reach: NDArray[np.float64],
-        effort: tuple[float, float, float],
+        effort: tuple[float, float, float, float],
         tick: Tick = silent,
     ) -> None:
-        """Turns the lists of a fast multipole sum into visible ones (section 5 of the paper).
+        """Turns the lists of a fast multipole sum into visible ones (section 5 of the paper), after `may_block`.
 
         weights (N,) what each source sends, as a share of what a point in the open receives, in units of area;
         reach (N,) distance within which a source counts by itself; effort as `VisibilityOptions` of the core has it.
         """
-        fmm.occlude(self._triangles, weights, reach, (tuple(self._centre), self._scale, OFFSET), effort)
+        fmm.occlude(weights, reach, (tuple(self._centre), self._scale, OFFSET), effort)
 
         def fill(leaves: slice) -> int:
             slots, origins, directions = fmm.link_rays(leaves.start, leaves.stop)
