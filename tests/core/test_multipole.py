@@ -78,11 +78,6 @@ def test_report_counts_boxes_and_pairs():
     assert counts["pairs_valid"] > 0
 
 
-def test_occlusion_is_refused_until_it_is_there():
-    with pytest.raises(fmm_core.Error, match="method 'fmm' does not treat occlusion yet"):
-        fmm_core.Settings(method="fmm")
-
-
 def against_direct(triangles, emission, points, **options):
     """Relative L2 error of the irradiance at points, against the direct sum over the same particles."""
     scene = fmm_core.Scene(triangles, 0.5, emission)

@@ -221,7 +221,7 @@ def test_dim_colours_and_dim_rooms_converge_like_bright_ones():
 
 def test_more_particles_than_memory_can_pair_are_refused_in_one_line():
     with pytest.raises(fmm_core.Error, match=r"particles: the direct method with \d+ of them takes \d+ GiB"):
-        fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), fmm_core.Settings(particles=2_000_000))
+        fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), fmm_core.Settings(method="direct", particles=2_000_000))
 
 
 @pytest.mark.parametrize("arguments", [(None,), (CUBE,), ("scene", {})])

@@ -233,18 +233,23 @@ impl Links {
     /// Clears the bits of the rays that did not arrive, from the slots of all rays.
     pub fn block(&self, slots: &[u64], occluded: &[bool]) -> Result<(), Error> {
         same_length("answers", slots.len(), occluded.len())?;
+        let count = 64 * self.bits.len();
         for (&slot, _) in slots.iter().zip(occluded).filter(|(_, occluded)| **occluded) {
-            let first = slot & ((1 << SLOT_BITS) - 1);
-            for bit in first..=first + (slot >> SLOT_BITS) {
-                let word = self.bits.get(bit as usize / 64).ok_or(Error::Index {
-                    what: "visibility bit",
-                    index: bit as usize,
-                    count: 64 * self.bits.len(),
-                })?;
-                word.fetch_and(!(1 << (bit % 64)), Ordering::Relaxed);
+            let last = (slot & ((1 << SLOT_BITS) - 1)) + (slot >> SLOT_BITS);
+            if last as usize >= count {
+                return Err(Error::Index { what: "visibility bit", index: last as usize, count });
             }
+            self.clear(slot);
         }
         Ok(())
+    }
+
+    /// Clears the bits of a slot.
+    pub(crate) fn clear(&self, slot: u64) {
+        let first = slot & ((1 << SLOT_BITS) - 1);
+        for bit in first..=first + (slot >> SLOT_BITS) {
+            self.bits[bit as usize / 64].fetch_and(!(1 << (bit % 64)), Ordering::Relaxed);
+        }
     }
 
     /// Strengths (R, 3) of all parts from those of the sources (N, 3) in tree order.

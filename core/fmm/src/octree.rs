@@ -4,8 +4,8 @@
 //! Boxes are kept as a structure of arrays in level order: all of level 0, then all of level 1, and so on; within a level in
 //! Morton order, so that the children of consecutive boxes are consecutive. Boxes without points do not exist.
 //! Points are numbered twice: in scene order, as they were given, and in tree order, where the points of any box, leaf or not,
-//! are one range. An octree split by normal is up to six octrees on one grid, one for each class of normals, and one more
-//! for emitters: boxes of different classes are different boxes even where their cells are the same.
+//! are one range. An octree split by normal is up to six octrees on one grid, one for each class of normals, and as many
+//! again for emitters: boxes of different classes are different boxes even where their cells are the same.
 
 use std::ops::Range;
 
@@ -42,7 +42,7 @@ pub struct Octree {
     pub levels: Vec<u32>,
     /// (B,) u8: 0 for a root.
     pub level: Vec<u8>,
-    /// (B,) u8: class of the normals, 0 to 5, or 6 for emitters; 0 when not split.
+    /// (B,) u8: class of the normals, 0 to 5, 0 when not split by them; 6 more for emitters.
     pub axis: Vec<u8>,
     /// (B,) u32: `NO_BOX` for a root.
     pub parent: Vec<u32>,

@@ -14,7 +14,7 @@ type Keyed = (u64, u32);
 /// Keys are put into buckets by their digits down to this level.
 const BUCKET_LEVEL: u8 = 4;
 
-/// The class of all emitters, after the six classes of normals.
+/// Added to the class of the normal of an emitter.
 pub(crate) const EMITTERS: u8 = 6;
 
 /// A bucket that is worth more than one thread.
@@ -47,11 +47,8 @@ impl Octree {
         let normals = normals.unwrap_or_default();
         let common_normals = common_normals(normals);
         let frame = frame(&common_normals);
-        let class = |i: usize| match (emitters.get(i), options.by_normal) {
-            (Some(true), _) => EMITTERS,
-            (_, true) => dominant_axis(&frame, unit(normals[i])),
-            (_, false) => 0,
-        };
+        let axis = |i: usize| if options.by_normal { dominant_axis(&frame, unit(normals[i])) } else { 0 };
+        let class = |i: usize| axis(i) + if emitters.get(i) == Some(&true) { EMITTERS } else { 0 };
         let keyed = |i: usize| (grid.key(positions[i], class(i)), i as u32);
         let keys = sorted((0..positions.len()).into_par_iter().map(keyed).collect());
 
@@ -209,7 +206,7 @@ fn check(
 /// One pass puts them into buckets by their leading bits, and then the buckets, which fit into a cache, are sorted.
 fn sorted(keys: Vec<Keyed>) -> Vec<Keyed> {
     let bucket = |key: u64| (key >> (3 * (MAX_LEVEL - BUCKET_LEVEL))) as usize;
-    let mut starts = vec![0_u32; (8 << (3 * BUCKET_LEVEL)) + 1];
+    let mut starts = vec![0_u32; (16 << (3 * BUCKET_LEVEL)) + 1];
     for &(key, _) in &keys {
         starts[bucket(key) + 1] += 1;
     }
@@ -232,7 +229,7 @@ fn sorted(keys: Vec<Keyed>) -> Vec<Keyed> {
 
 /// Octal digit of a key: 0 is the class of the point, l the octant at level l.
 fn digit(key: u64, level: u8) -> u8 {
-    (key >> (3 * (MAX_LEVEL - level)) & 7) as u8
+    (key >> (3 * (MAX_LEVEL - level)) & if level == 0 { 15 } else { 7 }) as u8
 }
 
 /// Bounds of the points of the eight octants at `level` among the sorted keys `start..end` of one box.

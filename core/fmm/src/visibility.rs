@@ -165,7 +165,10 @@ impl Visibility {
                     let random = unit(hash(turn ^ u64::from(run.points.start) << 32));
                     let (x, n_x) = (view.targets.positions[i], view.targets.normals[i]);
                     let j = links.runs.point(x, n_x, run, &view.weights, random);
-                    view.push((i, j), links.slot(leaf, row, column, run), &mut rays);
+                    let slot = links.slot(leaf, row, column, run);
+                    if !view.push((i, j), slot, &mut rays) {
+                        links.clear(slot);
+                    }
                 }
             }
         }
@@ -216,16 +219,18 @@ impl View {
         }
     }
 
-    /// The ray between two points, where they face each other.
-    fn push(&self, (i, j): (usize, usize), slot: u64, rays: &mut Rays) {
+    /// The ray between two points; false where they do not face each other.
+    fn push(&self, (i, j): (usize, usize), slot: u64, rays: &mut Rays) -> bool {
         let (x, n_x) = (self.targets.positions[i], self.targets.normals[i]);
         let (y, n_y) = (self.sources.positions[j], self.sources.normals[j]);
-        if facing(x, n_x, y, n_y) {
+        let face = facing(x, n_x, y, n_y);
+        if face {
             let (origin, direction) = self.frame.ray(x, n_x, y, n_y);
             rays.slots.push(slot);
             rays.origins.push(origin);
             rays.directions.push(direction);
         }
+        face
     }
 
     /// Distance between the bounding boxes of two boxes, scene units.

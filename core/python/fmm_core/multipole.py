@@ -65,8 +65,10 @@ class MultipoleSpace:
             emitters=particles.emits,
         )
         occlusion = self.sums.occlusion
+        tick(0.1)
         if occlusion is None or not occlusion.may_block(fmm):
             return fmm, self.sums.correction(points, normals, open_space=True)
+        tick(0.2)
         if self._weights is None:
             weights = particles.visibility_weights
             self._weights = weights * occlusion.openness(particles.positions, particles.normals, weights)

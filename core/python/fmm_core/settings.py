@@ -22,7 +22,8 @@ class Settings:
     grouping        at most s particles in a leaf of the octree, 1 or more (section 4, step 1), or None to choose the
                     cheapest s by the cost model
     target_error    wanted relative error of the irradiance, between 0 and 1, or None
-    method          "fmm": the fast multipole method; "direct": every particle with every other one, the reference
+    method          "fmm": the fast multipole method; "direct": every particle with every other one, the reference;
+                    None: direct where there are few particles, which takes no longer there
     visibility      "rays": shadows; "none": all in front of the horizon is seen, as it is in a convex room
     rays            about how many rays the fast multipole method traces from each receiver; the error falls with their
                     number. The direct method traces one for each pair
@@ -44,7 +45,7 @@ class Settings:
     truncation: int = 4
     grouping: int | None = 64
     target_error: float | None = None
-    method: str = "fmm"
+    method: str | None = None
     visibility: str = "rays"
     rays: int = 200
     expansion: str | None = None
@@ -69,7 +70,7 @@ class Settings:
         self._check_integer("probes", 0, 1 << 20)
         self._check_integer("max_iterations", 1, 1 << 20)
         self._check_real("tolerance", 1e-12, 0.5)
-        self._check_choice("method", METHODS)
+        self._check_choice("method", (None, *METHODS))
         self._check_choice("visibility", VISIBILITIES)
         self._check_choice("expansion", (None, *EXPANSIONS))
         if self.near_reach is not None:

@@ -17,6 +17,8 @@ from .visibility import Occlusion
 
 #: Quadrature points that a scene of few triangles is cut into when the user leaves the number open.
 AUTOMATIC_PARTICLES = 1200
+#: Particles up to which the direct method is chosen where the user leaves it open.
+FEW_PARTICLES = 4000
 
 
 def solve(scene: Scene, settings: Settings | None = None, progress: Progress | None = None) -> Solution:
@@ -44,8 +46,9 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solut
     with report.time("visibility"):
         occlusion = Occlusion(scene) if settings.visibility == "rays" else None
     sums = Sums(particles, occlusion, settings.near_reach or (12.0 if degree == 1 else 4.0))
-    with report.time("lists" if settings.method == "fmm" else "visibility"):
-        space = MultipoleSpace(sums, settings) if settings.method == "fmm" else DirectSpace(sums)
+    multipole = settings.method == "fmm" or (settings.method is None and len(particles) > FEW_PARTICLES)
+    with report.time("lists" if multipole else "visibility"):
+        space = MultipoleSpace(sums, settings) if multipole else DirectSpace(sums)
         exchange = space.exchange(ticker(progress, 0.0, 0.8, "Preparing the exchange"))
     with report.time("transport"):
         radiosity = shoot(exchange, scene, particles, settings, report, ticker(progress, 0.8, 1.0, "Exchanging light"))

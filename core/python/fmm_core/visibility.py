@@ -125,7 +125,7 @@ class Occlusion:
             fmm.block(slots, self._occluded(origins, directions))
             return len(slots)
 
-        self.rays += _run_blocks(fill, fmm.linked_leaves(), LEAVES_PER_BLOCK, tick)
+        self.rays += _run_blocks(fill, fmm.linked_leaves(), LEAVES_PER_BLOCK, lambda done: tick(0.3 + 0.6 * done))
 
     def visible_targets(
         self,

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Occlusion in the fast multipole method, judged by the direct method with all rays."""
+
+import fmm_core
+import numpy as np
+import pytest
+import shapes
+
+FMM = {"method": "fmm", "probes": 0}
+
+
+def block(low, high):
+    low, high = np.array(low), np.array(high)
+    return shapes.room(high - low)[:, ::-1] + low
+
+
+LAMP = shapes.quad([0.35, 0.35, 0.99], [0.35, 0.65, 0.99], [0.65, 0.65, 0.99], [0.65, 0.35, 0.99])
+TWO_BLOCKS = np.concatenate(
+    [shapes.room(), LAMP, block([0.15, 0.5, 1e-3], [0.45, 0.8, 0.6]), block([0.55, 0.2, 1e-3], [0.8, 0.45, 0.3])]
+)
+EMISSION = np.where((np.arange(len(TWO_BLOCKS)) // 2) == 6, 10.0, 0.0)
+ALBEDO = np.where(np.arange(len(TWO_BLOCKS))[:, None] < 4, [0.7, 0.3, 0.2], [0.7, 0.7, 0.7])
+
+
+def two_blocks(**options):
+    scene = fmm_core.Scene(TWO_BLOCKS, ALBEDO, EMISSION)
+    return fmm_core.solve(scene, fmm_core.Settings(particles=6000, **options))
+
+
+@pytest.fixture(scope="module")
+def points():
+    return shapes.random_points(TWO_BLOCKS, 1500)
+
+
+@pytest.fixture(scope="module")
+def exact(points):
+    return two_blocks(method="direct", probes=0).irradiance(*points)
+
+
+def error(found, exact):
+    return np.linalg.norm(found - exact) / np.linalg.norm(exact)
+
+
+def test_shadows_are_those_of_the_direct_method_within_one_percent(points, exact):
+    solution = two_blocks(**FMM)
+    found = solution.irradiance(*points)
+    assert error(found, exact) < 0.01
+    difference, size = np.linalg.norm(found - exact, axis=1), np.linalg.norm(exact, axis=1)
+    assert np.mean(difference < 0.05 * size + 1e-3 * size.mean()) > 0.99
+    assert solution.report["counts"]["rays"] < 400 * (len(points[0]) + len(solution.particles))
+
+
+def test_error_falls_with_the_rays(points, exact):
+    assert error(two_blocks(**FMM, rays=2000).irradiance(*points), exact) < 0.004
+
+
+def test_light_is_neither_lost_nor_made_on_the_whole(points, exact):
+    found = two_blocks(**FMM).irradiance(*points)
+    assert found.sum() == pytest.approx(exact.sum(), rel=3e-3)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_a_convex_room_traces_no_ray(turn):
+    c, s = np.cos(turn), np.sin(turn)
+    room = shapes.room() @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
+    solution = fmm_core.solve(fmm_core.Scene(room, 0.5, 1.0), fmm_core.Settings(particles=5000, **FMM))
+    irradiance = solution.irradiance(*shapes.random_points(room, 200))
+    assert irradiance == pytest.approx(np.full((200, 3), 2.0), rel=5e-3)
+    assert solution.report["counts"]["rays"] == 0
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-4])
+def test_light_does_not_leak_through_a_wall(gap):
+    left = shapes.room()
+    right = left + np.array([1.0 + gap, 0.0, 0.0])
+    scene = fmm_core.Scene(np.concatenate([left, right]), 0.5, (np.arange(24) < 12).astype(float))
+    solution = fmm_core.solve(scene, fmm_core.Settings(particles=4000, **FMM))
+    lit = solution.irradiance(*shapes.random_points(left, 300))
+    dark = solution.irradiance(*shapes.random_points(right, 300))
+    assert dark.max() < 1e-6 * lit.min()
+
+
+@pytest.mark.parametrize("gap", [0.0, -0.05, 1e-4])
+def test_contact_interpenetration_and_a_close_plane_make_no_leak(gap):
+    # The bottom of the block, and the floor below it, are dark.
+    box = block([0.3, 0.3, gap], [0.7, 0.7, 0.4])
+    triangles = np.concatenate([shapes.room(), box])
+    emission = np.where(np.arange(len(triangles)) == 2, 1.0, 0.0)
+    emission[3] = 1.0
+    scene = fmm_core.Scene(triangles, 0.5, emission)
+    below = np.column_stack([np.random.default_rng(0).uniform(0.35, 0.65, (200, 2)), np.zeros(200)])
+    up = np.tile([0.0, 0.0, 1.0], (200, 1))
+    found = fmm_core.solve(scene, fmm_core.Settings(particles=4000, **FMM)).irradiance(below, up)
+    exact = fmm_core.solve(scene, fmm_core.Settings(particles=4000, method="direct", probes=0)).irradiance(below, up)
+    assert found.max() <= exact.max() + 1e-6
+
+
+@pytest.mark.parametrize("method", ["fmm", "direct"])
+def test_relight_traces_no_ray_and_equals_a_fresh_solve(points, method):
+    settings = fmm_core.Settings(particles=2000, method=method, probes=0)
+    first = fmm_core.solve(fmm_core.Scene(TWO_BLOCKS, ALBEDO, EMISSION), settings)
+    first.irradiance(*points)
+    again = first.relight(emission=3.0 * EMISSION, albedo=0.5)
+    fresh = fmm_core.solve(fmm_core.Scene(TWO_BLOCKS, 0.5, 3.0 * EMISSION), settings)
+    assert again.irradiance(*points) == pytest.approx(fresh.irradiance(*points), rel=1e-3, abs=1e-9)
+    assert again.report["counts"]["rays"] == 0
+    assert first.report["counts"]["rays"] > 0
+
+
+def test_relight_refuses_what_a_scene_refuses():
+    solution = fmm_core.solve(fmm_core.Scene(shapes.room(), 0.5, 1.0), fmm_core.Settings(particles=100))
+    with pytest.raises(fmm_core.Error, match="emission: expected shape"):
+        solution.relight(emission=np.ones(5))
+    with pytest.raises(fmm_core.Error, match="no emitter"):
+        solution.relight(emission=0.0)
+    assert solution.relight(albedo=1.5).report["warnings"] == ["albedo 1.5 is clamped to 0.999"]
