@@ -2,8 +2,8 @@
 //! The fast multipole method, step by step as in section 4 of the paper.
 
 use crate::direct::Sources;
-use crate::error::{Error, same_length};
 use crate::driver_visibility::Rounds;
+use crate::error::{Error, same_length};
 use crate::expansion::Expansion;
 use crate::links::Links;
 use crate::lists::{Batches, Lists, ListsOptions};

@@ -74,9 +74,10 @@ impl Fmm {
         Ok(())
     }
 
-    /// Pairs settled so far.
+    /// Pairs of boxes by outcome; without occlusion all of them are valid.
     pub fn outcomes(&self) -> Outcomes {
-        self.rounds.as_ref().map_or(Outcomes::default(), |rounds| rounds.visibility.outcomes)
+        let all = self.lists.all().iter().map(|rows| rows.boxes.len()).sum();
+        self.rounds.as_ref().map_or(Outcomes { valid: all, partial: 0 }, |rounds| rounds.visibility.outcomes)
     }
 
     /// Links between target leaves and what they see in part.
@@ -99,8 +100,11 @@ impl Fmm {
             .map(|target| {
                 let i = self.targets.to_tree[target] as usize;
                 let row = &near.patches[near.starts[target]..near.starts[target + 1]];
-                let points = row.iter().flat_map(|&q| (0..points_per_patch).map(move |k| q as usize * points_per_patch + k));
-                points.map(|source| self.seen(i, self.sources.to_tree[source] as usize, (&leaves.0, &leaves.1))).collect()
+                let points =
+                    row.iter().flat_map(|&q| (0..points_per_patch).map(move |k| q as usize * points_per_patch + k));
+                points
+                    .map(|source| self.seen(i, self.sources.to_tree[source] as usize, (&leaves.0, &leaves.1)))
+                    .collect()
             })
             .collect();
         let rows = rows.concat();

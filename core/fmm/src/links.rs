@@ -65,14 +65,7 @@ impl Weights {
 impl Runs {
     /// The runs of source box s cut into at most so many runs of so many parts, all of equal weight; `softening` (N,) in
     /// tree order.
-    pub fn of(
-        &mut self,
-        tree: &Octree,
-        s: u32,
-        cut: (u32, u32),
-        weights: &Weights,
-        softening: &[f64],
-    ) -> Range<u32> {
+    pub fn of(&mut self, tree: &Octree, s: u32, cut: (u32, u32), weights: &Weights, softening: &[f64]) -> Range<u32> {
         if let Some(known) = self.known.get(&(s, cut)) {
             return known.clone();
         }

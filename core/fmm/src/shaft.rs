@@ -89,7 +89,8 @@ impl Blockers {
     fn add_node(&mut self, start: usize, end: usize) {
         let part = &mut self.triangles[start..end];
         let corners = || part.iter().flat_map(|triangle| triangle.corners);
-        let (low, high) = corners().fold(([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]), |b, p| (low(b.0, p), high(b.1, p)));
+        let (low, high) =
+            corners().fold(([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]), |b, p| (low(b.0, p), high(b.1, p)));
         let at = self.nodes.len();
         self.nodes.push(Node { low, high, start: start as u32, end: end as u32, second: 0 });
         if part.len() <= LEAF {
@@ -215,9 +216,8 @@ impl<'a> Shaft<'a> {
         let corners = &triangle.corners;
         let all = |test: &dyn Fn(Vector) -> bool| corners.iter().all(|&x| test(x));
         let behind = |end: &End| end.plane.is_some_and(|(n, offset)| all(&|x| dot(n, x) <= offset + rounding));
-        let beside = (0..3).any(|i| {
-            all(&|x| x[i] > self.high[i] + rounding) || all(&|x| x[i] < self.low[i] - rounding)
-        });
+        let beside =
+            (0..3).any(|i| all(&|x| x[i] > self.high[i] + rounding) || all(&|x| x[i] < self.low[i] - rounding));
         let outside = || self.sides.iter().any(|&(n, offset)| all(&|x| dot(n, x) > offset + rounding));
         !beside && !behind(self.a) && !behind(self.b) && self.parted_by(triangle, rounding) && !outside()
     }

@@ -18,7 +18,7 @@ from .visibility import Occlusion
 #: Quadrature points that a scene of few triangles is cut into when the user leaves the number open.
 AUTOMATIC_PARTICLES = 1200
 #: Particles up to which the direct method is chosen where the user leaves it open.
-FEW_PARTICLES = 4000
+FEW_PARTICLES = 5000
 
 
 def solve(scene: Scene, settings: Settings | None = None, progress: Progress | None = None) -> Solution:
