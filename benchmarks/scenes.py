@@ -32,7 +32,7 @@ def block(centre: tuple[float, float], half: float, height: float, turn: float) 
     low = np.column_stack([corners, np.zeros(4)])
     high = low + [0.0, 0.0, height]
     sides = [quad(low[i], low[(i + 1) % 4], high[(i + 1) % 4], high[i]) for i in range(4)]
-    return quad(*high) + sum(sides, [])
+    return quad(*high) + [triangle for side in sides for triangle in side]
 
 
 def cornell() -> tuple[Array, Array, Array]:
@@ -68,7 +68,7 @@ def sphere(level: int) -> Array:
     return triangles / np.linalg.norm(triangles, axis=2, keepdims=True)
 
 
-def clutter(objects: int = 80, level: int = 4) -> tuple[Array, Array, Array]:
+def clutter(objects: int = 72, level: int = 4) -> tuple[Array, Array, Array]:
     """A room with many separate ellipsoids and boxes, some of them through each other, and a lamp at its ceiling."""
     rng = np.random.default_rng(1)
     room, albedo, emission = cornell()
@@ -161,7 +161,7 @@ def run_cornell() -> list[dict]:
 
 def run_clutter() -> list[dict]:
     scene = Scene(*clutter())
-    reference = solve(scene, Settings(method="fmm", particles=1000, rays=5000, probes=0))
+    reference = solve(scene, Settings(method="fmm", particles=1000, rays=RAYS["fine"], probes=0))
     return compare("clutter", scene, sphere_receivers(scene.triangles), 1000, reference)
 
 

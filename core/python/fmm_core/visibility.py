@@ -93,7 +93,7 @@ class Occlusion:
     def openness(
         self, points: NDArray[np.float64], normals: NDArray[np.float64], weights: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(N,) about which share of the others that face it each point sees, from a few rays to random ones by weight."""
+        """(N,) about which share of the others that face it each point sees, from rays to a few random ones."""
         rng = np.random.default_rng(0)
         others = np.searchsorted(np.cumsum(weights) / weights.sum(), rng.random((OPENNESS_RAYS, len(points))))
         rows = np.tile(np.arange(len(points)), OPENNESS_RAYS)
