@@ -79,7 +79,7 @@ class MultipoleSpace:
     def _effort(self) -> tuple[float, float, float, float]:
         """Effort for visibility, as `VisibilityOptions` of the core has it."""
         runs = min(1.0, (200 / self._settings.rays) ** 0.5)
-        return 0.8 / self._settings.rays, 0.4, 0.2 * runs, 0.1 * runs
+        return 0.8 / self._settings.rays, 0.4, 0.8 * runs, 0.1 * runs
 
 
 def _same(gathered: tuple[Points, Points, Operator], points: Points, normals: Points) -> bool:
