@@ -36,7 +36,8 @@ class Settings:
     quadrature      degree of the Gaussian rule on each patch: 1, 2, 4 or 5 (1, 3, 6 or 7 points), or None to choose
                     2 where there are fewer triangles than particles asked for and 1 elsewhere
     near_reach      patches closer than this many of their own radii count with their exact form factor; None: 4, or 12
-                    where they carry a single point, for errors of less than 0.1 %
+                    where they carry a single point, for errors of less than 0.1 %, but 6 with shadows in the fast
+                    multipole method, which has larger errors and pays for reach in rays
     tolerance       iteration ends when the unshot part of the light is below this share
     max_iterations  and at the latest after this many applications of the operator
     probes          random points whose irradiance is also summed directly, to measure the error; 0 for none

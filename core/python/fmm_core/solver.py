@@ -45,8 +45,9 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solut
     report.counts.update(triangles=len(scene.triangles), particles=len(particles))
     with report.time("visibility"):
         occlusion = Occlusion(scene) if settings.visibility == "rays" else None
-    sums = Sums(particles, occlusion, settings.near_reach or (12.0 if degree == 1 else 4.0))
     multipole = settings.method == "fmm" or (settings.method is None and len(particles) > FEW_PARTICLES)
+    single = 6.0 if multipole and occlusion else 12.0
+    sums = Sums(particles, occlusion, settings.near_reach or (single if degree == 1 else 4.0))
     with report.time("lists" if multipole else "visibility"):
         space = MultipoleSpace(sums, settings) if multipole else DirectSpace(sums)
         exchange = space.exchange(ticker(progress, 0.0, 0.8, "Preparing the exchange"))
