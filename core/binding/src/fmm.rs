@@ -6,6 +6,7 @@ use crate::direct::NearField;
 use ::fmm::driver;
 use ::fmm::driver_visibility::Occluded;
 use ::fmm::expansion::{Compressed, Expansion, Paper, Whole};
+use ::fmm::gather::Met;
 use ::fmm::lists::ListsOptions;
 use ::fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
 use ::fmm::rays::Frame;
@@ -19,7 +20,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 type Points<'py> = PyReadonlyArray2<'py, f64>;
 /// Slots (R,), origins and directions (R, 3).
 type RayArrays<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
-type SeenArrays<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
+/// Points (R,), origins and directions (R, 3).
+type HemisphereArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
+type SeenArrays<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<f64>>);
 /// Irradiance, and the seconds of each pass.
 type Timed<'py> = (Bound<'py, PyArray2<f64>>, driver::Seconds);
 
@@ -92,22 +95,63 @@ impl Fmm {
         Ok(py.detach(|| self.driver.find_blockers(triangles)))
     }
 
-    /// Reduces the lists to visible ones: weights and reach (N,) of the sources, frame as (centre, scale, offset), effort
-    /// as (share, angle, run_angle, part_angle).
+    /// Reduces the lists to visible ones: areas, weights, reach, coarse and radii (N,) of the sources, frame as (centre,
+    /// scale, offset), effort as (share, angle, run_angle, part_angle, aimed, density).
     fn occlude(
         &mut self,
         py: Python,
-        weights: PyReadonlyArray1<f64>,
-        reach: PyReadonlyArray1<f64>,
+        sources: [PyReadonlyArray1<f64>; 5],
         frame: ([f64; 3], f64, f64),
-        effort: (f64, f64, f64, f64),
+        effort: (f64, f64, f64, f64, usize, usize),
     ) -> PyResult<()> {
         let (centre, scale, offset) = frame;
-        let (share, angle, run_angle, part_angle) = effort;
-        let options = VisibilityOptions { share, angle, run_angle, part_angle };
+        let (share, angle, run_angle, part_angle, aimed, density) = effort;
+        let options = VisibilityOptions { share, angle, run_angle, part_angle, aimed, density };
         let frame = Frame { centre, scale, offset };
-        let scene = Occluded { frame, weights: flat(&weights)?, reach: flat(&reach)? };
+        let [areas, weights, reach, coarse, radii] = &sources;
+        let scene = Occluded {
+            frame,
+            areas: flat(areas)?,
+            weights: flat(weights)?,
+            reach: flat(reach)?,
+            coarse: flat(coarse)?,
+            radii: flat(radii)?,
+        };
         py.detach(|| self.driver.occlude(&scene, options)).map_err(value_error)
+    }
+
+    /// Target leaves that want rays over the hemispheres of their points.
+    fn open_leaves(&self) -> usize {
+        self.driver.gather().leaves.len()
+    }
+
+    /// Rays over the hemispheres of the points of open leaves: points, origins, directions.
+    fn gather_rays<'py>(&self, py: Python<'py>, start: usize, stop: usize) -> PyResult<HemisphereArrays<'py>> {
+        let rays = py.detach(|| self.driver.gather_rays(start..stop));
+        Ok((vector(py, rays.points), table(py, rays.origins)?, table(py, rays.directions)?))
+    }
+
+    /// Takes what these rays met: triangles (R,), -1 for none, and where on them, u and v (R,).
+    #[allow(clippy::too_many_arguments)]
+    fn take_hits(
+        &self,
+        py: Python,
+        surface: &Surface,
+        leaves: (usize, usize),
+        points: PyReadonlyArray1<u32>,
+        directions: PyReadonlyArray2<f32>,
+        triangles: PyReadonlyArray1<i32>,
+        u: PyReadonlyArray1<f32>,
+        v: PyReadonlyArray1<f32>,
+    ) -> PyResult<()> {
+        let met = Met {
+            points: flat(&points)?,
+            directions: triples(&directions, "directions")?,
+            triangles: flat(&triangles)?,
+            u: flat(&u)?,
+            v: flat(&v)?,
+        };
+        py.detach(|| self.driver.take_hits(&surface.surface, leaves.0..leaves.1, &met)).map_err(value_error)
     }
 
     /// Target leaves whose links want rays.
@@ -133,10 +177,11 @@ impl Fmm {
         py.detach(|| self.driver.links().block(slots, occluded)).map_err(value_error)
     }
 
-    /// For each source of each near entry whether the sum has it, and for each entry whether it needs no ray.
+    /// For each source of each near entry whether the sum has it, and for each entry whether it needs no ray and which
+    /// share of it is not gathered.
     fn near_seen<'py>(&self, py: Python<'py>, near: &NearField, points_per_patch: usize) -> SeenArrays<'py> {
         let seen = py.detach(|| self.driver.near_seen(&near.near, points_per_patch));
-        (vector(py, seen.counted), vector(py, seen.whole))
+        (vector(py, seen.counted), vector(py, seen.whole), vector(py, seen.share))
     }
 
     /// Boxes, leaves, coefficients, and how much each pass has to do.
@@ -147,6 +192,45 @@ impl Fmm {
         }
         Ok(counts)
     }
+}
+
+/// The input triangles (T, 3, 3) with the tree of their bisections: edges (K,), parts (K, 2), and the barycentric
+/// coordinates (points_per_patch, 3) of the sources on each of so many patches.
+#[pyclass(frozen)]
+pub struct Surface {
+    surface: ::fmm::surface::Surface,
+}
+
+#[pymethods]
+impl Surface {
+    #[new]
+    fn new(
+        scene: PyReadonlyArray3<f64>,
+        edges: PyReadonlyArray1<i8>,
+        parts: PyReadonlyArray2<u32>,
+        rule: Points,
+        patches: usize,
+    ) -> PyResult<Self> {
+        let (halves, rest) = parts.as_slice().map_err(value_error)?.as_chunks::<2>();
+        if parts.as_array().ncols() != 2 || !rest.is_empty() {
+            return Err(value_error("parts: expected shape (K, 2)"));
+        }
+        let rule = triples(&rule, "rule")?;
+        let surface = ::fmm::surface::Surface::new(triangles(&scene)?, flat(&edges)?, halves, rule, patches);
+        Ok(Surface { surface: surface.map_err(value_error)? })
+    }
+}
+
+/// The group (T,) of each triangle (T, 3, 3) of so many kinds (T,), at most about `count` of them.
+#[pyfunction]
+pub fn group<'py>(
+    py: Python<'py>,
+    scene: PyReadonlyArray3<f64>,
+    kinds: PyReadonlyArray1<u32>,
+    count: usize,
+) -> PyResult<Bound<'py, PyArray1<u32>>> {
+    let (triangles, kinds) = (triangles(&scene)?, flat(&kinds)?);
+    Ok(vector(py, py.detach(|| ::fmm::groups::group(triangles, kinds, count)).map_err(value_error)?))
 }
 
 /// Scene numbers (N,) of points in the order of an octree: any run of them lies close together.

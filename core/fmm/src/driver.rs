@@ -5,6 +5,7 @@ use crate::direct::Sources;
 use crate::driver_visibility::Rounds;
 use crate::error::{Error, same_length};
 use crate::expansion::Expansion;
+use crate::gather::Gather;
 use crate::links::Links;
 use crate::lists::{Batches, Lists, ListsOptions};
 use crate::octree::Octree;
@@ -46,6 +47,7 @@ pub struct Fmm {
     points: Sources,
     pub(crate) softening: Vec<f64>,
     pub(crate) links: Links,
+    pub(crate) gather: Gather,
     pub(crate) blockers: Blockers,
     pub(crate) rounds: Option<Rounds>,
 }
@@ -80,6 +82,7 @@ impl Fmm {
             points,
             softening,
             links: Links::default(),
+            gather: Gather::default(),
             blockers: Blockers::default(),
             rounds: None,
         })
@@ -102,6 +105,7 @@ impl Fmm {
             translations: self.translations(),
             points: &self.points,
             links: &self.links,
+            gather: &self.gather,
         };
         let mut clock = Clock::default();
         let q = self.sources.in_tree_order(strengths);
@@ -121,6 +125,7 @@ impl Fmm {
         clock.time("m2p", || passes.m2p(&multipoles, &mut irradiance));
         clock.time("p2p", || passes.p2p(&q, &mut irradiance));
         clock.time("links", || passes.links(&q, &mut irradiance));
+        clock.time("gather", || passes.gather(&q, &mut irradiance));
 
         Ok((self.targets.in_scene_order(&irradiance), clock.seconds))
     }
@@ -132,7 +137,7 @@ impl Fmm {
     }
 
     /// How much there is of everything that costs time: boxes, pairs of the lists, point pairs of the near neighbours.
-    pub fn counts(&self) -> [(&'static str, usize); 13] {
+    pub fn counts(&self) -> [(&'static str, usize); 14] {
         let [u, v, x, w] = self.lists.all();
         let points = |tree: &Octree, b: u32| tree.count(b as usize);
         let near = |(t, s): (usize, usize)| self.targets.count(t) * self.sources.count(s);
@@ -149,6 +154,7 @@ impl Fmm {
             ("m2p_pairs", w.boxes.len()),
             ("m2p_points", w.pairs().map(|(t, _)| self.targets.count(t)).sum()),
             ("links", self.links.count(&self.targets)),
+            ("hits", self.gather.count()),
             ("postponed", self.lists.facing_counts.postponed as usize),
         ]
     }

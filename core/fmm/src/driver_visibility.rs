@@ -4,11 +4,13 @@
 use crate::driver::{Fmm, TARGETS_PER_SLAB};
 use crate::error::{Error, same_length};
 use crate::facing::FacingTest;
+use crate::gather::{Gather, GatherRays, Met};
 use crate::links::{Links, Weights};
 use crate::near_field::NearField;
 use crate::octree::Octree;
 use crate::rays::Frame;
 use crate::shaft::{Blockers, End};
+use crate::surface::Surface;
 use crate::visibility::{Outcomes, Rays, View, Visibility, VisibilityOptions};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -17,10 +19,16 @@ use std::sync::OnceLock;
 /// What visibility depends on besides the points.
 pub struct Occluded<'a> {
     pub frame: Frame,
+    /// (N,) area that each source stands for, scene order.
+    pub areas: &'a [f64],
     /// (N,) what each source sends, as a share of what a point in the open receives, in units of area; scene order.
     pub weights: &'a [f64],
     /// (N,) distance within which a source counts by itself, scene order.
     pub reach: &'a [f64],
+    /// (N,) distance within which a source stands for too much surface to be summed at all, scene order.
+    pub coarse: &'a [f64],
+    /// (N,) how far from it the surface that a source stands for goes, scene order.
+    pub radii: &'a [f64],
 }
 
 /// What the rays of links are made from.
@@ -35,6 +43,8 @@ pub struct NearSeen {
     pub counted: Vec<bool>,
     /// (K) whether the whole patch is known to be seen, so that no ray is needed.
     pub whole: Vec<bool>,
+    /// (K) share of the patch that rays over the hemisphere do not find.
+    pub share: Vec<f64>,
 }
 
 impl Fmm {
@@ -48,11 +58,15 @@ impl Fmm {
     /// Reduces the lists to the pairs that are proved to see each other as a whole, and makes links of the others, which
     /// want rays.
     pub fn occlude(&mut self, scene: &Occluded, options: VisibilityOptions) -> Result<(), Error> {
-        same_length("source weights", self.sources.n_points(), scene.weights.len())?;
-        same_length("source reach", self.sources.n_points(), scene.reach.len())?;
+        for values in [scene.areas, scene.weights, scene.reach, scene.coarse, scene.radii] {
+            same_length("what is known of the sources", self.sources.n_points(), values.len())?;
+        }
         let in_tree = |values: &[f64]| self.sources.to_scene.iter().map(|&j| values[j as usize]).collect::<Vec<f64>>();
-        let reach = in_tree(scene.reach);
-        let farthest = |b: usize| reach[self.sources.points_of(b)].iter().copied().fold(0.0, f64::max);
+        let largest = |values: &[f64]| -> Vec<f64> {
+            let values = in_tree(values);
+            let of = |b: usize| values[self.sources.points_of(b)].iter().copied().fold(0.0, f64::max);
+            (0..self.sources.n_boxes()).into_par_iter().map(of).collect()
+        };
         let ends = |tree: &Octree| (0..tree.n_boxes()).into_par_iter().map(|b| End::new(tree, b)).collect();
         let view = View {
             targets: self.targets.clone(),
@@ -62,12 +76,14 @@ impl Fmm {
             lists: self.lists.options,
             weights: Weights::new(&in_tree(scene.weights)),
             softening: self.softening.clone(),
-            reach: (0..self.sources.n_boxes()).into_par_iter().map(farthest).collect(),
+            reach: largest(scene.reach),
+            coarse: largest(scene.coarse),
+            margin: largest(scene.radii),
             blockers: std::mem::take(&mut self.blockers),
             ends: [ends(&self.targets), ends(&self.sources)],
         };
         let mut visibility = Visibility::generate(&view, &self.lists, options);
-        self.links = visibility.finish(&view, &mut self.lists);
+        (self.links, self.gather) = visibility.finish(&view, &mut self.lists, in_tree(scene.areas));
         self.batches = self.lists.batches(&self.targets, &self.sources, TARGETS_PER_SLAB);
         self.translations = OnceLock::new();
         self.rounds = Some(Rounds { view, visibility });
@@ -92,10 +108,28 @@ impl Fmm {
         self.rounds.as_ref().map_or_else(Rays::default, rays)
     }
 
+    /// Open leaves, which want rays over the hemispheres of their points.
+    pub fn gather(&self) -> &Gather {
+        &self.gather
+    }
+
+    /// Rays over the hemispheres of the points of some open leaves.
+    pub fn gather_rays(&self, leaves: Range<usize>) -> GatherRays {
+        let leaves = leaves.start..leaves.end.min(self.gather.leaves.len());
+        let rays = |rounds: &Rounds| self.gather.rays(&self.targets, &rounds.view.frame, leaves);
+        self.rounds.as_ref().map_or_else(GatherRays::default, rays)
+    }
+
+    /// Takes what the rays of [`Fmm::gather_rays`] met.
+    pub fn take_hits(&self, surface: &Surface, leaves: Range<usize>, met: &Met) -> Result<(), Error> {
+        let leaves = leaves.start..leaves.end.min(self.gather.leaves.len());
+        self.gather.take((&self.targets, &self.sources), surface, leaves, met)
+    }
+
     /// Which sources of near patches the sum has; `near` is of the targets of this sum, in scene order.
     pub fn near_seen(&self, near: &NearField, points_per_patch: usize) -> NearSeen {
         let leaves = (leaves_of_points(&self.targets), leaves_of_points(&self.sources));
-        let rows: Vec<Vec<Option<bool>>> = (0..self.targets.n_points())
+        let rows: Vec<Vec<Counted>> = (0..self.targets.n_points())
             .into_par_iter()
             .map(|target| {
                 let i = self.targets.to_tree[target] as usize;
@@ -108,21 +142,42 @@ impl Fmm {
             })
             .collect();
         let rows = rows.concat();
+        let patches = || rows.chunks(points_per_patch);
+        let share = |patch: &[Counted]| {
+            patch.iter().filter(|&&point| point != Counted::Gathered).count() as f64 / patch.len() as f64
+        };
         NearSeen {
-            counted: rows.iter().map(|seen| seen.unwrap_or(true)).collect(),
-            whole: rows.chunks(points_per_patch).map(|patch| patch.iter().all(Option::is_none)).collect(),
+            counted: rows.iter().map(|&point| matches!(point, Counted::Whole | Counted::Seen)).collect(),
+            whole: patches().map(|patch| patch.iter().all(|&point| point == Counted::Whole)).collect(),
+            share: patches().map(share).collect(),
         }
     }
 
-    /// Whether the sum has a pair of points, tree order; None where their leaves see each other as a whole.
-    fn seen(&self, i: usize, j: usize, leaves: (&[u32], &[u32])) -> Option<bool> {
+    /// How the sum counts a pair of points, tree order.
+    fn seen(&self, i: usize, j: usize, leaves: (&[u32], &[u32])) -> Counted {
         let (t, s) = (leaves.0[i], leaves.1[j]);
         if self.lists.near_neighbours.row(t as usize).binary_search(&s).is_ok() {
-            return None;
+            return Counted::Whole;
         }
         let row = i - self.targets.points_of(t as usize).start;
-        Some(self.links.sees(t, row, j).unwrap_or(false))
+        match self.links.sees(t, row, j) {
+            Some(true) => Counted::Seen,
+            None if self.gather.has(t, j as u32) => Counted::Gathered,
+            _ => Counted::Not,
+        }
     }
+}
+
+/// How a sum counts a pair of points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Counted {
+    /// Their leaves see each other as a whole.
+    Whole,
+    /// By a link.
+    Seen,
+    /// By rays over the hemisphere.
+    Gathered,
+    Not,
 }
 
 /// The leaf of each point of a tree, tree order.

@@ -4,6 +4,7 @@
 use crate::direct::Sources;
 use crate::error::Error;
 use crate::expansion::{COLOURS, Expansion};
+use crate::gather::Gather;
 use crate::links::Links;
 use crate::lists::{Batch, Batches, Lists, Rows};
 use crate::octree::Octree;
@@ -24,6 +25,7 @@ pub struct Passes<'a> {
     pub translations: &'a Translations,
     pub points: &'a Sources,
     pub links: &'a Links,
+    pub gather: &'a Gather,
 }
 
 type Colours = [[f64; 3]];
@@ -194,6 +196,15 @@ impl Passes<'_> {
         }
         let strengths = self.links.strengths(q);
         self.each_leaf(irradiance, |b, out| self.links.add(self.targets, b, &strengths, out));
+    }
+
+    /// Sources of other boxes that are seen in part, as rays over the hemispheres have met them (section 5).
+    pub fn gather(&self, q: &Colours, irradiance: &mut Colours) {
+        if self.gather.leaves.is_empty() {
+            return;
+        }
+        let radiosity = self.gather.radiosity(q);
+        self.each_leaf(irradiance, |b, out| self.gather.add(b, &radiosity, out));
     }
 
     /// Work on every leaf of the targets together with its part of the irradiance.

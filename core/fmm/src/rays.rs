@@ -23,6 +23,11 @@ impl Frame {
         (DVec3::from(x) - DVec3::from(self.centre)) / self.scale + DVec3::from(n) * self.offset
     }
 
+    /// Where rays from a surface point with a unit normal start.
+    pub fn start(&self, x: [f64; 3], n_x: [f64; 3]) -> [f32; 3] {
+        self.map(x, n_x).as_vec3().into()
+    }
+
     /// Origin and unnormalised direction of the ray from one lifted end to the other.
     pub fn ray(&self, x: [f64; 3], n_x: [f64; 3], y: [f64; 3], n_y: [f64; 3]) -> ([f32; 3], [f32; 3]) {
         let origin = self.map(x, n_x).as_vec3();

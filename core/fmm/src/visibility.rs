@@ -3,13 +3,14 @@
 //!
 //! As in procedure Modify of the paper's Figure 7 valid pairs stay where they are and other pairs are postponed to the
 //! children. Unlike there a pair is valid where a shaft proves it, and not both sides are postponed to the leaves: a
-//! source box that looks small is kept, and only the receivers are told apart, down to single points, by rays; see
-//! [`crate::links`].
+//! source box that looks small is kept, and only the receivers are told apart, down to single points, by rays: aimed at
+//! the sources ([`crate::links`]), or where those would be too many, over the hemisphere ([`crate::gather`]).
 
 use crate::facing::{Facing, FacingTest};
 use crate::links::{Links, Weights};
 use crate::lists::{Lists, ListsOptions, cells_between};
 use crate::octree::Octree;
+use crate::octree_build::EMITTERS;
 use crate::rays::{Frame, facing};
 use crate::shaft::{Blockers, End};
 use crate::vector::{norm, sub};
@@ -29,6 +30,10 @@ pub struct VisibilityOptions {
     pub run_angle: f64,
     /// Size over distance of what counts as one source.
     pub part_angle: f64,
+    /// A leaf's pairs get rays of their own, one a run, where these are at most so many for each point.
+    pub aimed: usize,
+    /// Rays over the hemisphere of a point, where all of it is open.
+    pub density: usize,
 }
 
 /// Which list a pair belongs to where it is valid.
@@ -70,6 +75,10 @@ pub struct View {
     pub softening: Vec<f64>,
     /// (B,): nearer than that the points of a source box count one by one.
     pub reach: Vec<f64>,
+    /// (B,): nearer than that a source box is never summed, because its points stand for too much surface.
+    pub coarse: Vec<f64>,
+    /// (B,): how far the surface that points of a source box stand for goes beyond them.
+    pub margin: Vec<f64>,
     pub blockers: Blockers,
     /// The boxes of the targets and of the sources as ends of shafts.
     pub ends: [Vec<End>; 2],
@@ -88,7 +97,7 @@ pub struct Visibility {
     pub(crate) options: VisibilityOptions,
     pub(crate) valid: Vec<Pair>,
     /// Pairs of a target leaf and a source box that it may see in part.
-    pub(crate) links: Vec<Pair>,
+    pub(crate) partial: Vec<Pair>,
     pub outcomes: Outcomes,
 }
 
@@ -112,7 +121,7 @@ impl Visibility {
             pairs
         };
         let mut pending: Vec<Pair> = pairs.par_iter().flat_map_iter(apart).collect();
-        let mut all = Self { options, valid: Vec::new(), links: Vec::new(), outcomes: Outcomes::default() };
+        let mut all = Self { options, valid: Vec::new(), partial: Vec::new(), outcomes: Outcomes::default() };
         while !pending.is_empty() {
             pending = all.modify(view, pending);
         }
@@ -129,7 +138,7 @@ impl Visibility {
         let postponed: Vec<Vec<Pair>> = partial.par_iter().map(|&pair| self.postpone(view, pair)).collect();
         for (pair, children) in partial.into_iter().zip(postponed) {
             if children.is_empty() {
-                self.links.push(pair);
+                self.partial.push(pair);
             }
             self.outcomes.partial += 1;
             pending.extend(children);
@@ -179,7 +188,17 @@ impl Visibility {
 impl View {
     fn is_clear(&self, pair: &Pair) -> bool {
         let (t, s) = (pair.target as usize, pair.source as usize);
-        self.blockers.are_clear(&self.ends[0][t], &self.ends[1][s])
+        !self.is_coarse(t, s) && self.blockers.are_clear(&self.ends[0][t], &self.ends[1][s])
+    }
+
+    /// Whether points of a source box stand for too much surface to be summed at a target box.
+    pub(crate) fn is_coarse(&self, t: usize, s: usize) -> bool {
+        self.distance(t, s) < self.coarse[s]
+    }
+
+    /// Whether a source box holds emitters, which have boxes of their own.
+    pub(crate) fn emits(&self, s: usize) -> bool {
+        self.sources.axis[s] >= EMITTERS
     }
 
     /// Sorts a pair of boxes into the lists, or those of its children where it can be expanded only there.

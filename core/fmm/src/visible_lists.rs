@@ -2,15 +2,22 @@
 //! What settled visibility becomes: lists of valid pairs, and links.
 
 use crate::facing::Facing;
+use crate::gather::Gather;
 use crate::links::{Links, Runs};
 use crate::lists::{Lists, Rows};
 use crate::octree::Octree;
 use crate::visibility::{Kind, Pair, View, Visibility};
 use rayon::prelude::*;
 
+/// How many runs, and how many parts each of them.
+type Cut = (u32, u32);
+/// A pair that gets rays of its own.
+type Linked = (Pair, Cut);
+
 impl Visibility {
-    /// Reduces the lists to the valid pairs, and makes the links, with all bits set.
-    pub fn finish(&mut self, view: &View, lists: &mut Lists) -> Links {
+    /// Reduces the lists to the valid pairs, and makes of the others links, with all bits set, and what is gathered;
+    /// `areas` (N,) of the sources in tree order.
+    pub fn finish(&mut self, view: &View, lists: &mut Lists, areas: Vec<f64>) -> (Links, Gather) {
         let (kept, listed): (Vec<Pair>, Vec<Pair>) =
             std::mem::take(&mut self.valid).into_iter().partition(|pair| pair.kind == Kind::Link);
         let points = lists.options.direct_points;
@@ -22,19 +29,39 @@ impl Visibility {
         lists.local_interaction_list = rows(Kind::Local);
         lists.multipole_interaction_list = rows(Kind::Multipole);
 
-        let mut runs = Runs::default();
-        let mut links = Vec::new();
-        for pair in std::mem::take(&mut self.links) {
-            let cut = self.cut(view, pair);
+        let (linked, open) = self.told_apart(view);
+        let (mut runs, mut links) = (Runs::default(), Vec::new());
+        for (pair, cut) in linked {
             links.extend(
                 runs.of(&view.sources, pair.source, cut, &view.weights, &view.softening).map(|run| (pair.target, run)),
             );
         }
-        Links::new(&view.targets, links, runs)
+        let gather = Gather::new(&view.targets, &view.sources, &view.margin, open, areas, self.options.density);
+        (Links::new(&view.targets, links, runs), gather)
+    }
+
+    /// The pairs that are seen in part: those that get rays of their own, with the cuts of their source boxes, and those
+    /// that are left to rays over the hemispheres, because a leaf has so many that these are fewer.
+    fn told_apart(&mut self, view: &View) -> (Vec<Linked>, Vec<(u32, u32)>) {
+        let mut pairs = std::mem::take(&mut self.partial);
+        pairs.par_sort_unstable_by_key(|pair| (pair.target, pair.source));
+        let leaves: Vec<&[Pair]> = pairs.chunk_by(|a, b| a.target == b.target).collect();
+        let of_leaf = |leaf: &[Pair]| {
+            let cuts: Vec<Linked> = leaf.iter().map(|&pair| (pair, self.cut(view, pair))).collect();
+            let coarse = |pair: &Pair| view.is_coarse(pair.target as usize, pair.source as usize);
+            let emits = |pair: &Pair| view.emits(pair.source as usize);
+            let own = cuts.iter().filter(|(pair, _)| !emits(pair) && !coarse(pair)).map(|(_, cut)| cut.0 as usize);
+            let few = own.sum::<usize>() <= self.options.aimed;
+            let linked = |pair: &Pair| emits(pair) || (few && !coarse(pair));
+            let (linked, open): (Vec<_>, Vec<_>) = cuts.into_iter().partition(|(pair, _)| linked(pair));
+            (linked, open.into_iter().map(|(pair, _)| (pair.target, pair.source)).collect::<Vec<_>>())
+        };
+        let (linked, open): (Vec<_>, Vec<_>) = leaves.into_par_iter().map(of_leaf).unzip();
+        (linked.concat(), open.concat())
     }
 
     /// Into how many runs the source box of a link is cut, and each of these into how many parts.
-    fn cut(&self, view: &View, pair: Pair) -> (u32, u32) {
+    fn cut(&self, view: &View, pair: Pair) -> Cut {
         let (t, s) = (pair.target as usize, pair.source as usize);
         let points = f64::from(view.sources.count(s) as u32);
         if view.distance(t, s) < view.reach[s] {

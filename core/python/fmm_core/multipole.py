@@ -31,6 +31,7 @@ class MultipoleSpace:
         self.pairs = (0, 0)
         self._gathered: tuple[Points, Points, Operator] | None = None
         self._weights: Points | None = None
+        self._surface = sums.occlusion.surface(particles) if sums.occlusion else None
 
     def exchange(self, tick: Tick = silent) -> Operator:
         tick(0.0)
@@ -72,14 +73,16 @@ class MultipoleSpace:
         if self._weights is None:
             weights = particles.visibility_weights
             self._weights = weights * occlusion.openness(particles.positions, particles.normals, weights)
-        occlusion.occlude(fmm, self._weights, self.sums.reach, self._effort, tick)
+        radii = particles.of_points(particles.radii)
+        sources = particles.weights, self._weights, self.sums.reach, self.sums.coarse, radii
+        occlusion.occlude(fmm, sources, self._surface, self._effort, tick)
         return fmm, self.sums.correction(points, normals, fmm=fmm)
 
     @property
-    def _effort(self) -> tuple[float, float, float, float]:
+    def _effort(self) -> tuple[float, float, float, float, int, int]:
         """Effort for visibility, as `VisibilityOptions` of the core has it."""
         runs = min(1.0, (200 / self._settings.rays) ** 0.5)
-        return 0.8 / self._settings.rays, 0.4, 0.8 * runs, 0.1 * runs
+        return 0.8 / self._settings.rays, 0.4, 0.8 * runs, 0.1 * runs, 2 * self._settings.rays, 2 * self._settings.rays
 
 
 def _same(gathered: tuple[Points, Points, Operator], points: Points, normals: Points) -> bool:

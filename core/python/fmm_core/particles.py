@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _binding
 from .arrays import ROUNDING
 from .quadrature import triangle_rule
 from .scene import Scene
@@ -16,6 +17,10 @@ EMITTER_SHARE = 0.1
 SLIVER = 50.0
 #: Softening of the point kernel, in patch radii: far below any distance at which it is used unreplaced.
 SOFTENING = 1e-3
+#: What a leaf of the bisection names where there is no patch.
+NO_PATCH = np.uint32(0xFFFFFFFF)
+#: Tells rows of surface properties apart by one number each.
+_SPREAD = np.random.default_rng(0).random(7)
 
 
 @dataclass(frozen=True)
@@ -23,8 +28,12 @@ class Particles:
     """Quadrature points, `per_patch` consecutive ones a patch; two-sided triangles have patches on both sides.
 
     positions, normals (N, 3); weights (N,) in units of area; triangle (N,) row of the scene; emits (N,) whether that
-    emits; per_patch int
+    emits strongly; per_patch int
     patches (P, 3, 3) corners; areas (P,); radii (P,) from centroid to farthest corner
+    whole (P,) whether the patch is all that its points stand for: where a mesh is finer than the light needs, a
+    patch is one triangle in the middle of a group of them, and areas and radii are those of the group
+    rule (per_patch, 3) barycentric coordinates of the points of a patch
+    edges (K,), parts (K, 2) the bisection of the scene's triangles, as the core's `Surface` takes it
     """
 
     positions: NDArray[np.float64]
@@ -36,6 +45,10 @@ class Particles:
     patches: NDArray[np.float64]
     areas: NDArray[np.float64]
     radii: NDArray[np.float64]
+    whole: NDArray[np.bool_]
+    rule: NDArray[np.float64]
+    edges: NDArray[np.int8]
+    parts: NDArray[np.uint32]
 
     @property
     def visibility_weights(self) -> NDArray[np.float64]:
@@ -44,7 +57,7 @@ class Particles:
         Emitters count for half of all light and everything else for the other half, whatever their power is now.
         """
         emitting = self.weights[self.emits].sum()
-        return 0.5 * self.weights * np.where(self.emits, self.weights.sum() / emitting, 1.0)
+        return 0.5 * self.weights * np.where(self.emits, self.weights.sum() / max(emitting, 1e-300), 1.0)
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -54,47 +67,137 @@ class Particles:
         """(N,) squared distance below which a particle's kernel stops growing."""
         return np.repeat((SOFTENING * self.radii) ** 2, self.per_patch)
 
+    def of_points(self, of_patches: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N,) what is given for each patch (P,), for each of its points."""
+        return np.repeat(of_patches, self.per_patch)
 
-def make_particles(scene: Scene, count: int, degree: int) -> Particles:
-    """About `count` quadrature points of the given degree; at least one patch a triangle."""
+
+def make_particles(scene: Scene, count: int, degree: int, grouped: bool = False) -> Particles:
+    """About `count` quadrature points of the given degree.
+
+    At least one patch a triangle, unless `grouped`: then triangles that are finer than patches have to be share one.
+    """
     barycentric, shares = triangle_rule(degree)
-    patches, triangle = _cut(scene, _edge_limits(scene, count / len(shares)))
+    wanted = count / len(shares)
+    cut = _cut(scene, _edge_limits(scene, wanted))
+    emits = strong_emitters(scene)
+    if grouped and len(cut.patches) > wanted:
+        cut = _grouped(scene, cut, emits, wanted)
+    front, triangle = cut.patches, cut.triangle
     back = np.flatnonzero(scene.two_sided[triangle])
-    patches = np.concatenate([patches, patches[back][:, [0, 2, 1]]])
+    patches = np.concatenate([front, front[back][:, [0, 2, 1]]])
     triangle = np.concatenate([triangle, triangle[back]])
+    areas, radii, whole = (np.concatenate([values, values[back]]) for values in (cut.areas, cut.radii, cut.whole))
 
     cross = np.cross(patches[:, 1] - patches[:, 0], patches[:, 2] - patches[:, 0])
-    double_areas = np.linalg.norm(cross, axis=1)
-    areas = double_areas / 2
     per_patch = len(shares)
-    centroids = patches.mean(axis=1, keepdims=True)
     return Particles(
         positions=np.einsum("kc,pcx->pkx", barycentric, patches).reshape(-1, 3),
-        normals=np.repeat(cross / double_areas[:, None], per_patch, axis=0),
+        normals=np.repeat(cross / np.linalg.norm(cross, axis=1, keepdims=True), per_patch, axis=0),
         weights=(areas[:, None] * shares).ravel(),
         triangle=np.repeat(triangle, per_patch),
-        emits=np.repeat(scene.emission.any(axis=1)[triangle], per_patch),
+        emits=np.repeat(emits[triangle], per_patch),
         per_patch=per_patch,
         patches=np.ascontiguousarray(patches),
         areas=areas,
-        radii=np.linalg.norm(patches - centroids, axis=2).max(axis=1),
+        radii=radii,
+        whole=whole,
+        rule=barycentric,
+        edges=cut.edges,
+        parts=_with_backs(cut, back),
+    )
+
+
+def strong_emitters(scene: Scene) -> NDArray[np.bool_]:
+    """(T,) which triangles emit more than the mean over the scene: where all surfaces emit, none stands out."""
+    areas = _areas(scene.triangles)
+    emission = scene.emission.sum(axis=1)
+    return emission > 1.5 * (emission * areas).sum() / areas.sum()
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """Patches (P, 3, 3) of the front sides, the triangle of each (P,), and the rest as in `Particles`."""
+
+    patches: NDArray[np.float64]
+    triangle: NDArray[np.int64]
+    areas: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    whole: NDArray[np.bool_]
+    edges: NDArray[np.int8]
+    parts: NDArray[np.uint32]
+
+
+def _areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return np.linalg.norm(cross, axis=1) / 2
+
+
+def _with_backs(cut: _Cut, back: NDArray[np.int64]) -> NDArray[np.uint32]:
+    """The parts of a bisection, with the patches at the backs where there are any."""
+    backs = np.full(len(cut.patches), NO_PATCH, np.uint32)
+    backs[back] = len(cut.patches) + np.arange(len(back))
+    leaves = cut.edges < 0
+    parts = cut.parts.copy()
+    parts[leaves, 1] = backs[parts[leaves, 0]]
+    return parts
+
+
+def _grouped(scene: Scene, cut: _Cut, emits: NDArray[np.bool_], wanted: float) -> _Cut:
+    """The same with one patch for each group of uncut triangles that do not stand out as emitters."""
+    count = len(scene.triangles)
+    fine = np.flatnonzero((cut.edges[:count] < 0) & ~emits)
+    if len(fine) == 0:
+        return cut
+    area = _areas(scene.triangles[fine])
+    kinds = np.column_stack([scene.albedo, scene.emission, scene.two_sided])[fine]
+    kinds = np.unique((kinds * _SPREAD).sum(axis=1), return_inverse=True)[1].astype(np.uint32)
+    share = area.sum() / _areas(scene.triangles).sum()
+    group = _binding.group(np.ascontiguousarray(scene.triangles[fine]), kinds, max(1, round(wanted * share)))
+
+    areas = np.bincount(group, area)
+    centres = scene.triangles[fine].mean(axis=1)
+    means = np.stack([np.bincount(group, area * centres[:, axis]) for axis in range(3)], axis=1) / areas[:, None]
+    off_centre = np.linalg.norm(centres - means[group], axis=1)
+    # The triangle nearest to the mean stands for its group: its middle lies on the surface.
+    order = np.lexsort([off_centre, group])
+    chosen = order[np.unique(group[order], return_index=True)[1]]
+    spread = np.linalg.norm(scene.triangles[fine] - centres[chosen][group][:, None], axis=2).max(axis=1)
+    radii = np.zeros(len(areas))
+    np.maximum.at(radii, group, spread)
+
+    kept = np.ones(len(cut.patches), bool)
+    kept[cut.parts[fine, 0]] = False
+    number = np.cumsum(kept) - 1
+    parts, leaves = cut.parts.copy(), cut.edges < 0
+    parts[leaves, 0] = number[parts[leaves, 0]]
+    parts[fine, 0] = np.count_nonzero(kept) + group
+    members = np.bincount(group)
+    return _Cut(
+        patches=np.concatenate([cut.patches[kept], scene.triangles[fine[chosen]]]),
+        triangle=np.concatenate([cut.triangle[kept], fine[chosen]]),
+        areas=np.concatenate([cut.areas[kept], areas]),
+        radii=np.concatenate([cut.radii[kept], radii]),
+        whole=np.concatenate([cut.whole[kept], members == 1]),
+        edges=cut.edges,
+        parts=parts,
     )
 
 
 def _edge_limits(scene: Scene, patch_count: float) -> NDArray[np.float64]:
     """(T,) longest edge that a patch of each triangle may have, so that about `patch_count` patches come out."""
-    edges = scene.triangles - np.roll(scene.triangles, 1, axis=1)
-    areas = np.linalg.norm(np.cross(edges[:, 1], edges[:, 2]), axis=1) / 2
+    areas = _areas(scene.triangles)
     power = areas * scene.emission.sum(axis=1)
     share = (1 - EMITTER_SHARE) * areas / areas.sum() + EMITTER_SHARE * power / power.sum()
     # A right isosceles triangle of longest edge h has the area h^2 / 4; bisection makes them half as large on average.
     return np.sqrt(4 * 1.5 * areas / (share * patch_count))
 
 
-def _cut(scene: Scene, limits: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Bisects longest edges until each patch fits; returns patches (P, 3, 3) and the triangle of each (P,)."""
+def _cut(scene: Scene, limits: NDArray[np.float64]) -> _Cut:
+    """Bisects longest edges until each patch fits."""
     todo, owner = scene.triangles, np.arange(len(scene.triangles))
-    done_patches, done_owners = [], []
+    patches, owners, edges_of_nodes, parts = [], [], [], []
+    nodes = patch_count = 0
     while len(todo):
         edges = np.roll(todo, -1, axis=1) - todo
         squared = (edges**2).sum(axis=2)
@@ -103,10 +206,32 @@ def _cut(scene: Scene, limits: NDArray[np.float64]) -> tuple[NDArray[np.float64]
         limit = limits[owner]
         areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
         large = (largest > (1 + ROUNDING) * limit**2) & (areas > limit**2 / SLIVER)
-        done_patches.append(todo[~large])
-        done_owners.append(owner[~large])
+        patches.append(todo[~large])
+        owners.append(owner[~large])
+        edges_of_nodes.append(np.where(large, longest, -1).astype(np.int8))
+        parts.append(_numbered(large, nodes + len(todo), patch_count))
+        nodes, patch_count = nodes + len(todo), patch_count + len(patches[-1])
         todo, owner = _bisect(todo[large], longest[large]), np.tile(owner[large], 2)
-    return np.concatenate(done_patches), np.concatenate(done_owners)
+    patches = np.concatenate(patches)
+    centroids = patches.mean(axis=1, keepdims=True)
+    return _Cut(
+        patches=patches,
+        triangle=np.concatenate(owners),
+        areas=_areas(patches),
+        radii=np.linalg.norm(patches - centroids, axis=2).max(axis=1),
+        whole=np.ones(len(patches), bool),
+        edges=np.concatenate(edges_of_nodes),
+        parts=np.concatenate(parts),
+    )
+
+
+def _numbered(large: NDArray[np.bool_], nodes: int, patches: int) -> NDArray[np.uint32]:
+    """(n, 2) both halves of the nodes that are cut, from number `nodes` on; the patch of the others, and none behind."""
+    parts = np.empty((len(large), 2), np.uint32)
+    count = np.count_nonzero(large)
+    parts[large] = nodes + np.arange(count)[:, None] + [0, count]
+    parts[~large] = np.column_stack([patches + np.arange(len(large) - count), np.full(len(large) - count, NO_PATCH)])
+    return parts
 
 
 def _bisect(triangles: NDArray[np.float64], edge: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -41,7 +41,8 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solut
     with report.time("tree"):
         count = settings.particles or AUTOMATIC_PARTICLES
         degree = settings.quadrature or (2 if len(scene.triangles) < count else 1)
-        particles = make_particles(scene, count, degree)
+        may_group = settings.method != "direct" and settings.visibility == "rays"
+        particles = make_particles(scene, count, degree, may_group)
     report.counts.update(triangles=len(scene.triangles), particles=len(particles))
     with report.time("visibility"):
         occlusion = Occlusion(scene) if settings.visibility == "rays" else None

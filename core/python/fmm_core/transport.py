@@ -14,6 +14,10 @@ from .progress import Tick, silent
 from .visibility import Occlusion
 
 
+#: A group of triangles is one source from so many of its radii on.
+COARSE = 4.0
+
+
 class Operator:
     """A sum over point sources, corrected where patches are so near that only their exact form factor will do."""
 
@@ -61,7 +65,8 @@ class Sums:
 
     def __init__(self, particles: Particles, occlusion: Occlusion | None, near_reach: float) -> None:
         self.particles, self.occlusion = particles, occlusion
-        self._reach = (1 + ROUNDING) * near_reach * particles.radii
+        # A group of triangles has no exact form factor: what is so near is found by rays.
+        self._reach = (1 + ROUNDING) * near_reach * particles.radii * particles.whole
         self.sources = _binding.Sources(
             particles.positions, particles.normals, particles.softening, particles.areas, particles.per_patch
         )
@@ -69,7 +74,12 @@ class Sums:
     @property
     def reach(self) -> NDArray[np.float64]:
         """(N,) distance from a particle beyond which its patch is never near."""
-        return np.repeat(self._reach + self.particles.radii, self.particles.per_patch)
+        return self.particles.of_points(self._reach + self.particles.radii)
+
+    @property
+    def coarse(self) -> NDArray[np.float64]:
+        """(N,) distance within which a particle stands for too much surface to be one source; 0 for a whole patch."""
+        return self.particles.of_points(np.where(self.particles.whole, 0.0, COARSE * self.particles.radii))
 
     @property
     def rays(self) -> int:
@@ -93,12 +103,13 @@ class Sums:
         if self.occlusion is not None and not open_space:
             asked = np.ones(len(near), dtype=bool)
             if fmm is not None:
-                counted, whole = fmm.near_seen(near, self.particles.per_patch)
-                asked = ~whole
+                counted, whole, share = fmm.near_seen(near, self.particles.per_patch)
+                fractions[:] = share
+                asked = ~whole & (share > 0)
             rows = np.repeat(np.arange(len(points)), np.diff(near.starts()).astype(np.int64))[asked]
             patch_normals = self.particles.normals[near.patches()[asked] * self.particles.per_patch]
             ends = points[rows], normals[rows], near.targets()[asked], patch_normals
-            fractions[asked] = self.occlusion.visible_targets(*ends)
+            fractions[asked] *= self.occlusion.visible_targets(*ends)
         return _binding.Correction(near, points, normals, self.sources, fractions, visible, counted)
 
     def direct_operator(

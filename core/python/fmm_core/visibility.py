@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
+from .particles import Particles
 from .progress import Tick, silent
 from .scene import Scene
 
@@ -90,6 +91,11 @@ class Occlusion:
         """Whether any triangle can be between a source and a receiver of the sum."""
         return fmm.find_blockers(self._triangles) > 0
 
+    def surface(self, particles: Particles) -> _binding.Surface:
+        """The triangles, with what tells which particle stands for a point on them."""
+        parts = particles.edges, particles.parts, particles.rule
+        return _binding.Surface(self._triangles, *parts, len(particles.patches))
+
     def openness(
         self, points: NDArray[np.float64], normals: NDArray[np.float64], weights: NDArray[np.float64]
     ) -> NDArray[np.float64]:
@@ -108,24 +114,37 @@ class Occlusion:
     def occlude(
         self,
         fmm: _binding.Fmm,
-        weights: NDArray[np.float64],
-        reach: NDArray[np.float64],
-        effort: tuple[float, float, float, float],
+        sources: tuple[NDArray[np.float64], ...],
+        surface: _binding.Surface,
+        effort: tuple[float, float, float, float, int, int],
         tick: Tick = silent,
     ) -> None:
         """Turns the lists of a fast multipole sum into visible ones (section 5 of the paper), after `may_block`.
 
-        weights (N,) what each source sends, as a share of what a point in the open receives, in units of area;
-        reach (N,) distance within which a source counts by itself; effort as `VisibilityOptions` of the core has it.
+        sources: areas, weights, reach, coarse and radii (N,) as `Occluded` of the core has them; effort as its
+        `VisibilityOptions`.
         """
-        fmm.occlude(weights, reach, (tuple(self._centre), self._scale, OFFSET), effort)
+        fmm.occlude(list(sources), (tuple(self._centre), self._scale, OFFSET), effort)
 
-        def fill(leaves: slice) -> int:
+        def link(leaves: slice) -> int:
             slots, origins, directions = fmm.link_rays(leaves.start, leaves.stop)
             fmm.block(slots, self._occluded(origins, directions))
             return len(slots)
 
-        self.rays += _run_blocks(fill, fmm.linked_leaves(), LEAVES_PER_BLOCK, lambda done: tick(0.3 + 0.6 * done))
+        def gather(leaves: slice) -> int:
+            points, origins, directions = fmm.gather_rays(leaves.start, leaves.stop)
+            fmm.take_hits(surface, (leaves.start, leaves.stop), points, directions, *self._met(origins, directions))
+            return len(points)
+
+        self.rays += _run_blocks(link, fmm.linked_leaves(), LEAVES_PER_BLOCK, lambda done: tick(0.3 + 0.3 * done))
+        self.rays += _run_blocks(gather, fmm.open_leaves(), LEAVES_PER_BLOCK, lambda done: tick(0.6 + 0.3 * done))
+
+    def _met(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> tuple[NDArray, NDArray, NDArray]:
+        """What rays meet: triangles, -1 for none, and where on them, u and v."""
+        if len(origins) == 0:
+            return np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.float32)
+        met = self._scene.run(origins, directions, query="INTERSECT", output=True)
+        return met["primID"], met["u"], met["v"]
 
     def visible_targets(
         self,

@@ -1,0 +1,334 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Gathering: what the points of a target leaf receive from source boxes that they see in part.
+//!
+//! Such pairs stay open in the visible lists. Each point of the leaf sends rays over its hemisphere, evenly by cosine, so
+//! that each ray stands for the same share of the irradiance; it counts with the radiosity of the source that it meets
+//! where that source is in an open box, and not at all where the pair is valid and was summed already. Only directions in
+//! which open boxes lie get a ray.
+
+use crate::error::{Error, same_length};
+use crate::octree::Octree;
+use crate::rays::Frame;
+use crate::surface::Surface;
+use crate::vector::{add, cross, dot, norm, scale, sub};
+use std::f64::consts::{PI, TAU};
+use std::ops::Range;
+use std::sync::OnceLock;
+
+/// Cells along one side of a face of the cube that directions are sorted into.
+const SIDE: usize = 8;
+const CELLS: usize = 6 * SIDE * SIDE;
+/// The first two generators of the R2 sequence: Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
+const R2: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
+
+/// A target leaf with the sources that it may see in part.
+#[derive(Debug)]
+pub struct OpenLeaf {
+    pub leaf: u32,
+    /// Sources in tree order, ascending and apart.
+    open: Vec<Range<u32>>,
+    directions: Mask,
+    hits: OnceLock<Hits>,
+}
+
+/// The sources met from each point of a leaf.
+#[derive(Debug)]
+struct Hits {
+    /// (points + 1)
+    starts: Vec<u32>,
+    /// Tree order.
+    sources: Vec<u32>,
+}
+
+/// The open leaves, and the rays that they want.
+#[derive(Debug, Default)]
+pub struct Gather {
+    pub leaves: Vec<OpenLeaf>,
+    /// Rays that a point sends if all of its hemisphere is open.
+    density: usize,
+    /// Place in `leaves` of each target box, or none.
+    places: Vec<Option<u32>>,
+    /// (N,) area that each source stands for, tree order.
+    weights: Vec<f64>,
+}
+
+/// Rays of some open leaves.
+#[derive(Debug, Default)]
+pub struct GatherRays {
+    /// (R) target point in tree order, ascending.
+    pub points: Vec<u32>,
+    pub origins: Vec<[f32; 3]>,
+    pub directions: Vec<[f32; 3]>,
+}
+
+/// What rays met: triangles, -1 for none, and where on them.
+pub struct Met<'a> {
+    pub points: &'a [u32],
+    pub directions: &'a [[f32; 3]],
+    pub triangles: &'a [i32],
+    pub u: &'a [f32],
+    pub v: &'a [f32],
+}
+
+impl Gather {
+    /// From pairs of a target leaf and a source box; `weights` (N,) in tree order. `margin` (B,) is how far the surface that
+    /// the points of a source box stand for goes beyond them.
+    pub fn new(
+        targets: &Octree,
+        sources: &Octree,
+        margin: &[f64],
+        mut pairs: Vec<(u32, u32)>,
+        weights: Vec<f64>,
+        density: usize,
+    ) -> Self {
+        let start = |s: u32| sources.points[s as usize][0];
+        pairs.sort_unstable_by_key(|&(leaf, s)| (targets.points[leaf as usize][0], start(s)));
+        let mut places = vec![None; targets.n_boxes()];
+        let cube = Cube::new();
+        let rows: Vec<&[(u32, u32)]> = pairs.chunk_by(|a, b| a.0 == b.0).collect();
+        let leaves = rows.iter().zip(0..).map(|(row, place)| {
+            places[row[0].0 as usize] = Some(place);
+            OpenLeaf::new(targets, sources, margin, row, &cube)
+        });
+        Self { leaves: leaves.collect(), density, places, weights }
+    }
+
+    /// Whether source j, in tree order, is in an open box of a target leaf.
+    pub fn has(&self, leaf: u32, j: u32) -> bool {
+        self.of(leaf as usize).is_some_and(|open| open.has(j))
+    }
+
+    fn of(&self, leaf: usize) -> Option<&OpenLeaf> {
+        self.places.get(leaf).copied().flatten().map(|place| &self.leaves[place as usize])
+    }
+
+    /// Rays of some of the leaves.
+    pub fn rays(&self, targets: &Octree, frame: &Frame, leaves: Range<usize>) -> GatherRays {
+        let mut rays = GatherRays::default();
+        for open in &self.leaves[leaves] {
+            for i in targets.points_of(open.leaf as usize) {
+                let (x, n) = (targets.positions[i], targets.normals[i]);
+                let (s, t) = tangents(n);
+                let origin = frame.start(x, n);
+                for k in 0..self.density {
+                    // Points next to each other go on in one sequence, so that their errors differ.
+                    let at = (i * self.density + k) as f64 + 0.5;
+                    let d = cosine_direction(n, s, t, R2.map(|r| (r * at).fract()));
+                    if open.directions.has(cell(d)) {
+                        rays.points.push(i as u32);
+                        rays.origins.push(origin);
+                        rays.directions.push(d.map(|c| c as f32));
+                    }
+                }
+            }
+        }
+        rays
+    }
+
+    /// Takes what the rays of the same leaves met.
+    pub fn take(
+        &self,
+        trees: (&Octree, &Octree),
+        surface: &Surface,
+        leaves: Range<usize>,
+        met: &Met,
+    ) -> Result<(), Error> {
+        same_length("ray directions", met.points.len(), met.directions.len())?;
+        same_length("triangles met", met.points.len(), met.triangles.len())?;
+        same_length("places met", met.points.len(), met.u.len())?;
+        same_length("places met", met.points.len(), met.v.len())?;
+        let (targets, sources) = trees;
+        let mut ray = 0;
+        for open in &self.leaves[leaves] {
+            let mut hits = Hits { starts: vec![0], sources: Vec::new() };
+            for i in targets.points_of(open.leaf as usize) {
+                while ray < met.points.len() && met.points[ray] as usize == i {
+                    hits.sources.extend(met.source(ray, surface, sources).filter(|&j| open.has(j)));
+                    ray += 1;
+                }
+                hits.starts.push(hits.sources.len() as u32);
+            }
+            // A leaf that was traced before keeps its answers.
+            let _ = open.hits.set(hits);
+        }
+        Ok(())
+    }
+
+    /// Radiosity (N, 3) of the sources from their strengths, both in tree order.
+    pub fn radiosity(&self, q: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        q.iter().zip(&self.weights).map(|(q, w)| q.map(|q| q / w)).collect()
+    }
+
+    /// Adds what arrives at the points of a target leaf, from the radiosity of the sources.
+    pub fn add(&self, leaf: usize, radiosity: &[[f64; 3]], irradiance: &mut [[f64; 3]]) {
+        let Some(hits) = self.of(leaf).and_then(|open| open.hits.get()) else { return };
+        let share = 1.0 / self.density as f64;
+        for (i, out) in irradiance.iter_mut().enumerate() {
+            let mut sum = [0.0; 3];
+            for &j in &hits.sources[hits.starts[i] as usize..hits.starts[i + 1] as usize] {
+                sum = add(sum, radiosity[j as usize]);
+            }
+            *out = add(*out, scale(sum, share));
+        }
+    }
+
+    /// Sources met from all points together.
+    pub fn count(&self) -> usize {
+        self.leaves.iter().filter_map(|open| open.hits.get()).map(|hits| hits.sources.len()).sum()
+    }
+}
+
+impl OpenLeaf {
+    fn new(targets: &Octree, sources: &Octree, margin: &[f64], row: &[(u32, u32)], cube: &Cube) -> Self {
+        let (leaf, mut open, mut directions) = (row[0].0, Vec::<Range<u32>>::new(), Mask::default());
+        let (middle, radius) = sphere(targets, leaf as usize);
+        for &(_, s) in row {
+            let [start, end] = sources.points[s as usize];
+            match open.last_mut() {
+                Some(last) if last.end == start => last.end = end,
+                _ => open.push(start..end),
+            }
+            let (centre, reach) = sphere(sources, s as usize);
+            cube.mark(sub(centre, middle), radius + reach + margin[s as usize], &mut directions);
+        }
+        Self { leaf, open, directions, hits: OnceLock::new() }
+    }
+
+    fn has(&self, j: u32) -> bool {
+        let after = self.open.partition_point(|range| range.start <= j);
+        after > 0 && j < self.open[after - 1].end
+    }
+}
+
+impl Met<'_> {
+    /// The source that a ray met, tree order; none behind a surface that has only a front.
+    fn source(&self, ray: usize, surface: &Surface, sources: &Octree) -> Option<u32> {
+        let triangle = u32::try_from(self.triangles[ray]).ok()?;
+        let front = dot(surface.normal(triangle)?, self.directions[ray].map(f64::from)) < 0.0;
+        let at = (f64::from(self.u[ray]), f64::from(self.v[ray]));
+        let j = surface.source(triangle, at, front)?;
+        sources.to_tree.get(j as usize).copied()
+    }
+}
+
+/// Middle of the bounding box of the points of a box, and half its diagonal.
+fn sphere(tree: &Octree, b: usize) -> ([f64; 3], f64) {
+    (scale(add(tree.low[b], tree.high[b]), 0.5), 0.5 * norm(sub(tree.high[b], tree.low[b])))
+}
+
+/// Two unit vectors at right angles to a unit normal and to each other.
+fn tangents(n: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+    let axis = if n[0].abs() > 0.6 { [0.0, 1.0, 0.0] } else { [1.0, 0.0, 0.0] };
+    let s = cross(n, axis);
+    let s = scale(s, 1.0 / norm(s));
+    (s, cross(n, s))
+}
+
+/// A direction about a normal from two numbers in [0, 1), even by cosine.
+fn cosine_direction(n: [f64; 3], s: [f64; 3], t: [f64; 3], at: [f64; 2]) -> [f64; 3] {
+    let (radius, (sin, cos)) = (at[0].sqrt(), (TAU * at[1]).sin_cos());
+    let height = (1.0 - at[0]).sqrt();
+    [0, 1, 2].map(|i| height * n[i] + radius * (cos * s[i] + sin * t[i]))
+}
+
+/// The cell of the cube map that a direction lies in.
+fn cell(d: [f64; 3]) -> usize {
+    let axis = (0..3).fold(0, |best, i| if d[i].abs() > d[best].abs() { i } else { best });
+    let at = |i: usize| {
+        let place = (d[(axis + i) % 3] / d[axis].abs() + 1.0) * 0.5 * SIDE as f64;
+        (place as usize).min(SIDE - 1)
+    };
+    ((2 * axis + usize::from(d[axis] < 0.0)) * SIDE + at(1)) * SIDE + at(2)
+}
+
+/// Which cells of the cube map are taken.
+#[derive(Debug, Default, Clone)]
+struct Mask([u64; CELLS / 64]);
+
+impl Mask {
+    fn has(&self, cell: usize) -> bool {
+        self.0[cell / 64] >> (cell % 64) & 1 == 1
+    }
+}
+
+/// The middle of every cell, unit, and the angle within which all of the cell lies.
+struct Cube {
+    middles: Vec<[f64; 3]>,
+    angles: Vec<f64>,
+}
+
+impl Cube {
+    fn new() -> Self {
+        let direction = |face: usize, a: f64, b: f64| {
+            let mut d = [0.0; 3];
+            d[face / 2] = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
+            d[(face / 2 + 1) % 3] = 2.0 * a / SIDE as f64 - 1.0;
+            d[(face / 2 + 2) % 3] = 2.0 * b / SIDE as f64 - 1.0;
+            scale(d, 1.0 / norm(d))
+        };
+        let (mut middles, mut angles) = (Vec::new(), Vec::new());
+        for c in 0..CELLS {
+            let (face, a, b) = (c / (SIDE * SIDE), (c / SIDE % SIDE) as f64, (c % SIDE) as f64);
+            let middle = direction(face, a + 0.5, b + 0.5);
+            let corner = |(i, j)| dot(middle, direction(face, a + i, b + j));
+            let cos = [(0., 0.), (0., 1.), (1., 0.), (1., 1.)].map(corner).into_iter().fold(1.0, f64::min);
+            middles.push(middle);
+            angles.push(cos.acos());
+        }
+        Self { middles, angles }
+    }
+
+    /// Marks all directions from within a ball to within another one; d joins their middles, `radius` is that of both.
+    fn mark(&self, d: [f64; 3], radius: f64, mask: &mut Mask) {
+        let distance = norm(d);
+        if distance <= radius {
+            mask.0 = [u64::MAX; CELLS / 64];
+            return;
+        }
+        let (d, spread) = (scale(d, 1.0 / distance), (radius / distance).asin());
+        for (c, (&middle, angle)) in self.middles.iter().zip(&self.angles).enumerate() {
+            if dot(middle, d) >= (spread + angle).min(PI).cos() {
+                mask.0[c / 64] |= 1 << (c % 64);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vector() -> impl Strategy<Value = [f64; 3]> {
+        [-1.0..1.0, -1.0..1.0, -1.0..1.0].prop_filter("has a direction", |&v| norm(v) > 1e-3)
+    }
+
+    proptest! {
+        #[test]
+        fn all_directions_between_two_balls_are_marked(d in vector(), radius in 0.0..0.5f64, a in vector(), b in vector()) {
+            let mut mask = Mask::default();
+            Cube::new().mark(d, radius, &mut mask);
+            // A point in the ball at the origin and one in the ball at d, of radii that sum to `radius`.
+            let inside = |v: [f64; 3], r: f64| scale(v, r / norm(v).max(1.0));
+            let between = sub(add(d, inside(a, 0.3 * radius)), inside(b, 0.7 * radius));
+            prop_assume!(norm(between) > 1e-9);
+            prop_assert!(mask.has(cell(between)));
+        }
+
+        #[test]
+        fn directions_are_unit_and_in_front(n in vector(), u in 0.0..1.0f64, v in 0.0..1.0f64) {
+            let n = scale(n, 1.0 / norm(n));
+            let (s, t) = tangents(n);
+            let d = cosine_direction(n, s, t, [u, v]);
+            prop_assert!((norm(d) - 1.0).abs() < 1e-12 && dot(d, n) >= 0.0);
+        }
+    }
+
+    #[test]
+    fn few_cells_are_marked_for_a_small_box_far_away() {
+        let mut mask = Mask::default();
+        Cube::new().mark([0.0, 0.0, 10.0], 0.1, &mut mask);
+        let marked = mask.0.iter().map(|word| word.count_ones()).sum::<u32>();
+        assert!((1..=16).contains(&marked), "{marked}");
+    }
+}

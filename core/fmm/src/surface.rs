@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! From a point on an input triangle to the source that stands for it.
+
+use crate::error::{Error, same_length};
+use crate::vector::{cross, sub};
+
+/// What a patch is followed by where there is nothing on its other side.
+pub const NO_PATCH: u32 = u32::MAX;
+
+/// The undivided triangles, each the root of a tree of bisections whose leaves are patches.
+#[derive(Debug)]
+pub struct Surface {
+    /// (T, 3) not unit.
+    normals: Vec<[f64; 3]>,
+    /// (K,) edge at which a node is cut, from that corner to the next; -1 for a leaf. The first T nodes are the triangles.
+    edges: Vec<i8>,
+    /// (K,) the halves of a node; for a leaf the patches at its front and at its back, or [`NO_PATCH`].
+    parts: Vec<[u32; 2]>,
+    /// (points_per_patch, 3) barycentric coordinates of the sources on a patch.
+    rule: Vec<[f64; 3]>,
+}
+
+impl Surface {
+    /// See the fields; `patches` is how many there are.
+    pub fn new(
+        triangles: &[[[f64; 3]; 3]],
+        edges: &[i8],
+        parts: &[[u32; 2]],
+        rule: &[[f64; 3]],
+        patches: usize,
+    ) -> Result<Self, Error> {
+        same_length("bisection parts", edges.len(), parts.len())?;
+        if edges.len() < triangles.len() {
+            return Err(Error::Length { what: "bisection", expected: triangles.len(), found: edges.len() });
+        }
+        for (node, (&edge, part)) in edges.iter().zip(parts).enumerate() {
+            // Halves come after their whole, so that every descent ends.
+            let bad = |&&p: &&u32| match edge {
+                0..=2 => p as usize <= node || p as usize >= edges.len(),
+                _ => p != NO_PATCH && p as usize >= patches,
+            };
+            if let Some(&wrong) = part.iter().find(bad) {
+                return Err(Error::Index { what: "bisection part", index: wrong as usize, count: edges.len() });
+            }
+        }
+        let normals = triangles.iter().map(|t| cross(sub(t[1], t[0]), sub(t[2], t[0]))).collect();
+        Ok(Self { normals, edges: edges.to_vec(), parts: parts.to_vec(), rule: rule.to_vec() })
+    }
+
+    /// The normal of a triangle, not unit; None where there is no such triangle.
+    pub fn normal(&self, triangle: u32) -> Option<[f64; 3]> {
+        self.normals.get(triangle as usize).copied()
+    }
+
+    /// The source (scene order) nearest to a point of a triangle, at its front or at its back; u and v weigh its second and
+    /// third corner.
+    pub fn source(&self, triangle: u32, (u, v): (f64, f64), front: bool) -> Option<u32> {
+        let mut weights = [1.0 - u - v, u, v];
+        let mut node = triangle as usize;
+        while let Ok(edge) = usize::try_from(self.edges[node]) {
+            let [a, b, c] = [0, 1, 2].map(|i| weights[(edge + i) % 3]);
+            let second = b > a;
+            // With m = (a + b) / 2 the halves are (a, m, c) and (m, b, c).
+            weights = if second { [2.0 * a, b - a, c] } else { [a - b, 2.0 * b, c] };
+            node = self.parts[node][usize::from(second)] as usize;
+        }
+        let patch = self.parts[node][usize::from(!front)];
+        if !front {
+            // Patches at the back have their second and third corner exchanged.
+            weights.swap(1, 2);
+        }
+        let distance = |rule: &[f64; 3]| -> f64 { rule.iter().zip(weights).map(|(r, w)| (r - w).powi(2)).sum() };
+        let nearest =
+            (0..self.rule.len()).min_by(|&i, &j| distance(&self.rule[i]).total_cmp(&distance(&self.rule[j])))?;
+        (patch != NO_PATCH).then(|| patch * self.rule.len() as u32 + nearest as u32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const CORNERS: [[f64; 3]; 3] = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]];
+
+    fn point(corners: [[f64; 3]; 3], weights: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|i| (0..3).map(|k| weights[k] * corners[k][i]).sum())
+    }
+
+    type Bisected = (Vec<i8>, Vec<[u32; 2]>, Vec<[[f64; 3]; 3]>);
+
+    /// Cuts the triangle at edges 1, 0, 2, ...: every node of one level at the same edge.
+    fn cut(depth: usize) -> Bisected {
+        let (mut edges, mut parts, mut patches) = (Vec::new(), Vec::new(), Vec::new());
+        let mut level = vec![CORNERS];
+        let mut node = 0;
+        for step in 0..=depth {
+            let mut below = Vec::new();
+            for &corners in &level {
+                if step == depth {
+                    edges.push(-1);
+                    parts.push([patches.len() as u32, NO_PATCH]);
+                    patches.push(corners);
+                    continue;
+                }
+                let edge = (2 * step + 1) % 3;
+                let [a, b, c] = [0, 1, 2].map(|i| corners[(edge + i) % 3]);
+                let m = point([a, b, c], [0.5, 0.5, 0.0]);
+                edges.push(edge as i8);
+                let first = (node + level.len() + below.len()) as u32;
+                parts.push([first, first + 1]);
+                below.extend([[a, m, c], [m, b, c]]);
+            }
+            node += level.len();
+            level = below;
+        }
+        (edges, parts, patches)
+    }
+
+    proptest! {
+        #[test]
+        fn a_point_is_in_the_patch_that_is_found(depth in 0usize..6, u in 0.0..1.0f64, v in 0.0..1.0f64) {
+            let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+            let (edges, parts, patches) = cut(depth);
+            let third = [[1.0 / 3.0; 3]];
+            let surface = Surface::new(&[CORNERS], &edges, &parts, &third, patches.len()).unwrap();
+            let [a, b, c] = patches[surface.source(0, (u, v), true).unwrap() as usize];
+            let x = point(CORNERS, [1.0 - u - v, u, v]);
+            let area = |p: [f64; 3], q: [f64; 3], r: [f64; 3]| cross(sub(q, p), sub(r, p))[2];
+            let inside = [area(a, b, x), area(b, c, x), area(c, a, x)];
+            prop_assert!(inside.iter().all(|&part| part >= -1e-9 * area(a, b, c)), "{inside:?}");
+            prop_assert_eq!(surface.source(0, (u, v), false), None);
+        }
+    }
+
+    #[test]
+    fn the_nearest_quadrature_point_stands_for_a_point_on_either_side() {
+        let rule = [[2. / 3., 1. / 6., 1. / 6.], [1. / 6., 2. / 3., 1. / 6.], [1. / 6., 1. / 6., 2. / 3.]];
+        let surface = Surface::new(&[CORNERS], &[-1], &[[0, 1]], &rule, 2).unwrap();
+        assert_eq!(surface.source(0, (0.1, 0.1), true), Some(0));
+        assert_eq!(surface.source(0, (0.8, 0.1), true), Some(1));
+        assert_eq!(surface.source(0, (0.8, 0.1), false), Some(5));
+    }
+
+    #[test]
+    fn a_cycle_and_a_patch_that_is_not_there_are_refused() {
+        let rule = [[1. / 3.; 3]];
+        assert!(Surface::new(&[CORNERS], &[0], &[[0, 0]], &rule, 1).is_err());
+        assert!(Surface::new(&[CORNERS], &[-1], &[[1, NO_PATCH]], &rule, 1).is_err());
+    }
+}
