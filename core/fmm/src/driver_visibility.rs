@@ -25,8 +25,6 @@ pub struct Occluded<'a> {
     pub weights: &'a [f64],
     /// (N,) distance within which a source counts by itself, scene order.
     pub reach: &'a [f64],
-    /// (N,) distance within which a source stands for too much surface to be summed at all, scene order.
-    pub coarse: &'a [f64],
     /// (N,) how far from it the surface that a source stands for goes, scene order.
     pub radii: &'a [f64],
 }
@@ -58,7 +56,7 @@ impl Fmm {
     /// Reduces the lists to the pairs that are proved to see each other as a whole, and makes links of the others, which
     /// want rays.
     pub fn occlude(&mut self, scene: &Occluded, options: VisibilityOptions) -> Result<(), Error> {
-        for values in [scene.areas, scene.weights, scene.reach, scene.coarse, scene.radii] {
+        for values in [scene.areas, scene.weights, scene.reach, scene.radii] {
             same_length("what is known of the sources", self.sources.n_points(), values.len())?;
         }
         let in_tree = |values: &[f64]| self.sources.to_scene.iter().map(|&j| values[j as usize]).collect::<Vec<f64>>();
@@ -77,7 +75,6 @@ impl Fmm {
             weights: Weights::new(&in_tree(scene.weights)),
             softening: self.softening.clone(),
             reach: largest(scene.reach),
-            coarse: largest(scene.coarse),
             margin: largest(scene.radii),
             blockers: std::mem::take(&mut self.blockers),
             ends: [ends(&self.targets), ends(&self.sources)],

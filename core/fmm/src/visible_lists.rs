@@ -48,11 +48,10 @@ impl Visibility {
         let leaves: Vec<&[Pair]> = pairs.chunk_by(|a, b| a.target == b.target).collect();
         let of_leaf = |leaf: &[Pair]| {
             let cuts: Vec<Linked> = leaf.iter().map(|&pair| (pair, self.cut(view, pair))).collect();
-            let coarse = |pair: &Pair| view.is_coarse(pair.target as usize, pair.source as usize);
             let emits = |pair: &Pair| view.emits(pair.source as usize);
-            let own = cuts.iter().filter(|(pair, _)| !emits(pair) && !coarse(pair)).map(|(_, cut)| cut.0 as usize);
+            let own = cuts.iter().filter(|(pair, _)| !emits(pair)).map(|(_, cut)| cut.0 as usize);
             let few = own.sum::<usize>() <= self.options.aimed;
-            let linked = |pair: &Pair| emits(pair) || (few && !coarse(pair));
+            let linked = |pair: &Pair| few || emits(pair);
             let (linked, open): (Vec<_>, Vec<_>) = cuts.into_iter().partition(|(pair, _)| linked(pair));
             (linked, open.into_iter().map(|(pair, _)| (pair.target, pair.source)).collect::<Vec<_>>())
         };

@@ -74,12 +74,11 @@ class MultipoleSpace:
             weights = particles.visibility_weights
             self._weights = weights * occlusion.openness(particles.positions, particles.normals, weights)
         radii = particles.of_points(particles.radii)
-        sources = particles.weights, self._weights, self.sums.reach, self.sums.coarse, radii
-        occlusion.occlude(fmm, sources, self._surface, self._effort, tick)
+        sources = particles.weights, self._weights, self.sums.reach, radii
+        occlusion.occlude(fmm, sources, self._surface, self._effort(targets is None), tick)
         return fmm, self.sums.correction(points, normals, fmm=fmm)
 
-    @property
-    def _effort(self) -> tuple[float, float, float, float, int, int]:
+    def _effort(self, exchange: bool) -> tuple[float, float, float, float, int, int]:
         """Effort for visibility, as `VisibilityOptions` of the core has it."""
         runs = min(1.0, (200 / self._settings.rays) ** 0.5)
         return 0.8 / self._settings.rays, 0.4, 0.8 * runs, 0.1 * runs, 2 * self._settings.rays, 2 * self._settings.rays

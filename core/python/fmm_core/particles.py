@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _binding
 from .arrays import ROUNDING
 from .quadrature import triangle_rule
 from .scene import Scene
@@ -19,8 +18,6 @@ SLIVER = 50.0
 SOFTENING = 1e-3
 #: What a leaf of the bisection names where there is no patch.
 NO_PATCH = np.uint32(0xFFFFFFFF)
-#: Tells rows of surface properties apart by one number each.
-_SPREAD = np.random.default_rng(0).random(7)
 
 
 @dataclass(frozen=True)
@@ -30,8 +27,6 @@ class Particles:
     positions, normals (N, 3); weights (N,) in units of area; triangle (N,) row of the scene; emits (N,) whether that
     emits strongly; per_patch int
     patches (P, 3, 3) corners; areas (P,); radii (P,) from centroid to farthest corner
-    whole (P,) whether the patch is all that its points stand for: where a mesh is finer than the light needs, a
-    patch is one triangle in the middle of a group of them, and areas and radii are those of the group
     rule (per_patch, 3) barycentric coordinates of the points of a patch
     edges (K,), parts (K, 2) the bisection of the scene's triangles, as the core's `Surface` takes it
     """
@@ -45,7 +40,6 @@ class Particles:
     patches: NDArray[np.float64]
     areas: NDArray[np.float64]
     radii: NDArray[np.float64]
-    whole: NDArray[np.bool_]
     rule: NDArray[np.float64]
     edges: NDArray[np.int8]
     parts: NDArray[np.uint32]
@@ -72,22 +66,15 @@ class Particles:
         return np.repeat(of_patches, self.per_patch)
 
 
-def make_particles(scene: Scene, count: int, degree: int, grouped: bool = False) -> Particles:
-    """About `count` quadrature points of the given degree.
-
-    At least one patch a triangle, unless `grouped`: then triangles that are finer than patches have to be share one.
-    """
+def make_particles(scene: Scene, count: int, degree: int) -> Particles:
+    """About `count` quadrature points of the given degree; at least one patch a triangle."""
     barycentric, shares = triangle_rule(degree)
-    wanted = count / len(shares)
-    cut = _cut(scene, _edge_limits(scene, wanted))
-    emits = strong_emitters(scene)
-    if grouped and len(cut.patches) > wanted:
-        cut = _grouped(scene, cut, emits, wanted)
+    cut = _cut(scene, _edge_limits(scene, count / len(shares)))
     front, triangle = cut.patches, cut.triangle
     back = np.flatnonzero(scene.two_sided[triangle])
     patches = np.concatenate([front, front[back][:, [0, 2, 1]]])
     triangle = np.concatenate([triangle, triangle[back]])
-    areas, radii, whole = (np.concatenate([values, values[back]]) for values in (cut.areas, cut.radii, cut.whole))
+    areas, radii = (np.concatenate([values, values[back]]) for values in (cut.areas, cut.radii))
 
     cross = np.cross(patches[:, 1] - patches[:, 0], patches[:, 2] - patches[:, 0])
     per_patch = len(shares)
@@ -96,12 +83,11 @@ def make_particles(scene: Scene, count: int, degree: int, grouped: bool = False)
         normals=np.repeat(cross / np.linalg.norm(cross, axis=1, keepdims=True), per_patch, axis=0),
         weights=(areas[:, None] * shares).ravel(),
         triangle=np.repeat(triangle, per_patch),
-        emits=np.repeat(emits[triangle], per_patch),
+        emits=np.repeat(strong_emitters(scene)[triangle], per_patch),
         per_patch=per_patch,
         patches=np.ascontiguousarray(patches),
         areas=areas,
         radii=radii,
-        whole=whole,
         rule=barycentric,
         edges=cut.edges,
         parts=_with_backs(cut, back),
@@ -123,7 +109,6 @@ class _Cut:
     triangle: NDArray[np.int64]
     areas: NDArray[np.float64]
     radii: NDArray[np.float64]
-    whole: NDArray[np.bool_]
     edges: NDArray[np.int8]
     parts: NDArray[np.uint32]
 
@@ -141,47 +126,6 @@ def _with_backs(cut: _Cut, back: NDArray[np.int64]) -> NDArray[np.uint32]:
     parts = cut.parts.copy()
     parts[leaves, 1] = backs[parts[leaves, 0]]
     return parts
-
-
-def _grouped(scene: Scene, cut: _Cut, emits: NDArray[np.bool_], wanted: float) -> _Cut:
-    """The same with one patch for each group of uncut triangles that do not stand out as emitters."""
-    count = len(scene.triangles)
-    fine = np.flatnonzero((cut.edges[:count] < 0) & ~emits)
-    if len(fine) == 0:
-        return cut
-    area = _areas(scene.triangles[fine])
-    kinds = np.column_stack([scene.albedo, scene.emission, scene.two_sided])[fine]
-    kinds = np.unique((kinds * _SPREAD).sum(axis=1), return_inverse=True)[1].astype(np.uint32)
-    share = area.sum() / _areas(scene.triangles).sum()
-    group = _binding.group(np.ascontiguousarray(scene.triangles[fine]), kinds, max(1, round(wanted * share)))
-
-    areas = np.bincount(group, area)
-    centres = scene.triangles[fine].mean(axis=1)
-    means = np.stack([np.bincount(group, area * centres[:, axis]) for axis in range(3)], axis=1) / areas[:, None]
-    off_centre = np.linalg.norm(centres - means[group], axis=1)
-    # The triangle nearest to the mean stands for its group: its middle lies on the surface.
-    order = np.lexsort([off_centre, group])
-    chosen = order[np.unique(group[order], return_index=True)[1]]
-    spread = np.linalg.norm(scene.triangles[fine] - centres[chosen][group][:, None], axis=2).max(axis=1)
-    radii = np.zeros(len(areas))
-    np.maximum.at(radii, group, spread)
-
-    kept = np.ones(len(cut.patches), bool)
-    kept[cut.parts[fine, 0]] = False
-    number = np.cumsum(kept) - 1
-    parts, leaves = cut.parts.copy(), cut.edges < 0
-    parts[leaves, 0] = number[parts[leaves, 0]]
-    parts[fine, 0] = np.count_nonzero(kept) + group
-    members = np.bincount(group)
-    return _Cut(
-        patches=np.concatenate([cut.patches[kept], scene.triangles[fine[chosen]]]),
-        triangle=np.concatenate([cut.triangle[kept], fine[chosen]]),
-        areas=np.concatenate([cut.areas[kept], areas]),
-        radii=np.concatenate([cut.radii[kept], radii]),
-        whole=np.concatenate([cut.whole[kept], members == 1]),
-        edges=cut.edges,
-        parts=parts,
-    )
 
 
 def _edge_limits(scene: Scene, patch_count: float) -> NDArray[np.float64]:
@@ -219,7 +163,6 @@ def _cut(scene: Scene, limits: NDArray[np.float64]) -> _Cut:
         triangle=np.concatenate(owners),
         areas=_areas(patches),
         radii=np.linalg.norm(patches - centroids, axis=2).max(axis=1),
-        whole=np.ones(len(patches), bool),
         edges=np.concatenate(edges_of_nodes),
         parts=np.concatenate(parts),
     )

@@ -41,8 +41,7 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solut
     with report.time("tree"):
         count = settings.particles or AUTOMATIC_PARTICLES
         degree = settings.quadrature or (2 if len(scene.triangles) < count else 1)
-        may_group = settings.method != "direct" and settings.visibility == "rays"
-        particles = make_particles(scene, count, degree, may_group)
+        particles = make_particles(scene, count, degree)
     report.counts.update(triangles=len(scene.triangles), particles=len(particles))
     with report.time("visibility"):
         occlusion = Occlusion(scene) if settings.visibility == "rays" else None

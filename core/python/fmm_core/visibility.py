@@ -121,7 +121,7 @@ class Occlusion:
     ) -> None:
         """Turns the lists of a fast multipole sum into visible ones (section 5 of the paper), after `may_block`.
 
-        sources: areas, weights, reach, coarse and radii (N,) as `Occluded` of the core has them; effort as its
+        sources: areas, weights, reach and radii (N,) as `Occluded` of the core has them; effort as its
         `VisibilityOptions`.
         """
         fmm.occlude(list(sources), (tuple(self._centre), self._scale, OFFSET), effort)
