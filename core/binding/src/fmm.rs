@@ -8,6 +8,7 @@ use ::fmm::driver_visibility::Occluded;
 use ::fmm::expansion::{Compressed, Expansion, Paper, Whole};
 use ::fmm::gather::Met;
 use ::fmm::lists::ListsOptions;
+use ::fmm::near_field::Patches;
 use ::fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
 use ::fmm::rays::Frame;
 use ::fmm::visibility::VisibilityOptions;
@@ -27,7 +28,8 @@ type SeenArrays<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>, 
 type Timed<'py> = (Bound<'py, PyArray2<f64>>, driver::Seconds);
 
 /// Octrees, lists and translations for fixed receivers and sources. Where these are a sample, `share` of the points,
-/// the lists are those of the whole: the grouping is for the caller to reduce. `emitters` (N,) are in boxes of their own.
+/// the lists are those of the whole: the grouping is for the caller to reduce. `emitters` (N,) are in boxes of their own,
+/// `scene` (T, 3, 3) are the triangles that may be in the way.
 #[pyclass]
 pub struct Fmm {
     driver: driver::Fmm,
@@ -37,7 +39,8 @@ pub struct Fmm {
 impl Fmm {
     #[new]
     #[pyo3(signature = (
-        sources, softening, targets, truncation, grouping, level, separation, expansion, share=1.0, emitters=None
+        sources, softening, targets, truncation, grouping, level, separation, expansion, share=1.0, emitters=None,
+        scene=None
     ))]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -52,6 +55,7 @@ impl Fmm {
         expansion: &str,
         share: f64,
         emitters: Option<PyReadonlyArray1<bool>>,
+        scene: Option<PyReadonlyArray3<f64>>,
     ) -> PyResult<Self> {
         let grouping = level.map_or(Grouping::Adaptive { points: grouping }, |level| Grouping::Uniform { level });
         let options = OctreeOptions { grouping, by_normal: true };
@@ -62,6 +66,7 @@ impl Fmm {
         };
         let softening = flat(&softening)?;
         let emitters = emitters.as_ref().map(flat).transpose()?.unwrap_or_default();
+        let among = scene.as_ref().map(triangles).transpose()?.unwrap_or_default();
         let build = || -> Result<driver::Fmm, ::fmm::Error> {
             let grid = Grid::around(&[y, x.map_or(&[], |(points, _)| points)])?;
             let source_tree = Arc::new(Octree::with_emitters(y, Some(n_y), emitters, grid, options)?);
@@ -77,7 +82,7 @@ impl Fmm {
                 direct_points: (share * driver::direct_points(expansion.multipole_len()) as f64) as usize,
                 direct_pairs: (share * share * driver::direct_pairs(expansion.multipole_len()) as f64) as usize,
             };
-            driver::Fmm::new(expansion, target_tree, source_tree, softening, lists)
+            driver::Fmm::among(expansion, target_tree, source_tree, softening, lists, among)
         };
         Ok(Fmm { driver: py.detach(build).map_err(value_error)? })
     }
@@ -89,21 +94,20 @@ impl Fmm {
         Ok((table(py, irradiance)?, seconds))
     }
 
-    /// How many of the triangles (T, 3, 3) can be between points of the octrees.
-    fn find_blockers(&mut self, py: Python, scene: PyReadonlyArray3<f64>) -> PyResult<usize> {
-        let triangles = triangles(&scene)?;
-        Ok(py.detach(|| self.driver.find_blockers(triangles)))
+    /// How many of the triangles can be between points of the octrees: where any can, `occlude` makes the lists.
+    fn n_blockers(&self) -> usize {
+        self.driver.n_blockers()
     }
 
-    /// Reduces the lists to visible ones: areas, weights, reach and radii (N,) of the sources, frame as (centre,
-    /// scale, offset), effort as (share, angle, run_angle, part_angle, aimed, density).
+    /// Makes visible lists: areas, weights, reach and radii (N,) of the sources, frame as (centre,
+    /// scale, offset), effort as (share, angle, run_angle, part_angle, aimed, density). Whether `link` wants to know how open sources are.
     fn occlude(
         &mut self,
         py: Python,
         sources: [PyReadonlyArray1<f64>; 4],
         frame: ([f64; 3], f64, f64),
         effort: (f64, f64, f64, f64, usize, usize),
-    ) -> PyResult<()> {
+    ) -> PyResult<bool> {
         let (centre, scale, offset) = frame;
         let (share, angle, run_angle, part_angle, aimed, density) = effort;
         let options = VisibilityOptions { share, angle, run_angle, part_angle, aimed, density };
@@ -112,6 +116,28 @@ impl Fmm {
         let scene =
             Occluded { frame, areas: flat(areas)?, weights: flat(weights)?, reach: flat(reach)?, radii: flat(radii)? };
         py.detach(|| self.driver.occlude(&scene, options)).map_err(value_error)
+    }
+
+    /// Makes the links; weights (N,) as for `occlude`.
+    fn link(&mut self, py: Python, weights: PyReadonlyArray1<f64>) -> PyResult<()> {
+        let weights = flat(&weights)?;
+        py.detach(|| self.driver.link(weights)).map_err(value_error)
+    }
+
+    /// The near patches of the targets, but for those that rays over hemispheres find.
+    fn near_field(
+        &self,
+        py: Python,
+        points: Points,
+        normals: Points,
+        patches: PyReadonlyArray3<f64>,
+        reach: PyReadonlyArray1<f64>,
+        points_per_patch: usize,
+    ) -> PyResult<NearField> {
+        let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
+        let patches = Patches { triangles: triangles(&patches)?, reach: flat(&reach)? };
+        let near = py.detach(|| self.driver.near_field(points, normals, &patches, points_per_patch));
+        Ok(NearField { near: near.map_err(value_error)? })
     }
 
     /// Target leaves that want rays over the hemispheres of their points.

@@ -64,9 +64,27 @@ impl Fmm {
         softening: &[f64],
         options: ListsOptions,
     ) -> Result<Self, Error> {
+        Self::among(expansion, targets, sources, softening, options, &[])
+    }
+
+    /// The same among triangles (T, 3, 3). Where any of them can be between points of the octrees the lists stay empty, for
+    /// [`Fmm::occlude`] to make.
+    pub fn among(
+        expansion: Arc<dyn Expansion>,
+        targets: impl Into<Arc<Octree>>,
+        sources: impl Into<Arc<Octree>>,
+        softening: &[f64],
+        options: ListsOptions,
+        triangles: &[[[f64; 3]; 3]],
+    ) -> Result<Self, Error> {
         let (targets, sources) = (targets.into(), sources.into());
         same_length("source softening", sources.n_points(), softening.len())?;
-        let lists = Lists::new(&targets, &sources, options)?;
+        let blockers = Blockers::new(triangles, [&targets, &sources]);
+        let lists = if blockers.is_empty() {
+            Lists::new(&targets, &sources, options)?
+        } else {
+            Lists::empty(&targets, options)
+        };
         let batches = lists.batches(&targets, &sources, TARGETS_PER_SLAB);
         let softening: Vec<f64> = sources.to_scene.iter().map(|&j| softening[j as usize]).collect();
         let leaves = sources.points_of_leaves();
@@ -83,7 +101,7 @@ impl Fmm {
             softening,
             links: Links::default(),
             gather: Gather::default(),
-            blockers: Blockers::default(),
+            blockers,
             rounds: None,
         })
     }

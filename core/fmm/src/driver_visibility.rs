@@ -6,10 +6,10 @@ use crate::error::{Error, same_length};
 use crate::facing::FacingTest;
 use crate::gather::{Gather, GatherRays, Met};
 use crate::links::{Links, Weights};
-use crate::near_field::NearField;
+use crate::near_field::{NearField, Patches};
 use crate::octree::Octree;
 use crate::rays::Frame;
-use crate::shaft::{Blockers, End};
+use crate::shaft::End;
 use crate::surface::Surface;
 use crate::visibility::{Outcomes, Rays, View, Visibility, VisibilityOptions};
 use rayon::prelude::*;
@@ -46,16 +46,15 @@ pub struct NearSeen {
 }
 
 impl Fmm {
-    /// Finds which of the triangles (T, 3, 3) can be between points of the octrees, and returns their number: where there
-    /// are none, all pairs are valid.
-    pub fn find_blockers(&mut self, triangles: &[[[f64; 3]; 3]]) -> usize {
-        self.blockers = Blockers::new(triangles, [&self.targets, &self.sources]);
+    /// Triangles that can be between points of the octrees: where there are none, all pairs are valid.
+    pub fn n_blockers(&self) -> usize {
         self.blockers.len()
     }
 
-    /// Reduces the lists to the pairs that are proved to see each other as a whole, and makes links of the others, which
-    /// want rays.
-    pub fn occlude(&mut self, scene: &Occluded, options: VisibilityOptions) -> Result<(), Error> {
+    /// Makes visible lists of the pairs that are proved to see each other as a whole. Others are left to [`Fmm::link`] and
+    /// to rays over the hemispheres of the points of open leaves. Whether rays are aimed at sources that do not emit, so
+    /// that links want to know how open these are.
+    pub fn occlude(&mut self, scene: &Occluded, options: VisibilityOptions) -> Result<bool, Error> {
         for values in [scene.areas, scene.weights, scene.reach, scene.radii] {
             same_length("what is known of the sources", self.sources.n_points(), values.len())?;
         }
@@ -79,18 +78,49 @@ impl Fmm {
             blockers: std::mem::take(&mut self.blockers),
             ends: [ends(&self.targets), ends(&self.sources)],
         };
-        let mut visibility = Visibility::generate(&view, &self.lists, options);
-        (self.links, self.gather) = visibility.finish(&view, &mut self.lists, in_tree(scene.areas));
+        let mut visibility = Visibility::generate(&view, options);
+        visibility.list(&view, &mut self.lists);
+        self.gather = visibility.gather(&view, in_tree(scene.areas));
         self.batches = self.lists.batches(&self.targets, &self.sources, TARGETS_PER_SLAB);
         self.translations = OnceLock::new();
+        let aims = visibility.aims;
         self.rounds = Some(Rounds { view, visibility });
+        Ok(aims)
+    }
+
+    /// Makes the links, which want rays; `weights` (N,) as in [`Occluded`], with how open each source is.
+    pub fn link(&mut self, weights: &[f64]) -> Result<(), Error> {
+        same_length("source weights", self.sources.n_points(), weights.len())?;
+        let weights: Vec<f64> = self.sources.to_scene.iter().map(|&j| weights[j as usize]).collect();
+        if let Some(Rounds { view, visibility }) = &mut self.rounds {
+            view.weights = Weights::new(&weights);
+            self.links = visibility.link(view);
+        }
         Ok(())
+    }
+
+    /// The patches near the targets (M, 3), scene order, as far as the sum counts them or rays have to.
+    pub fn near_field(
+        &self,
+        points: &[[f64; 3]],
+        normals: &[[f64; 3]],
+        patches: &Patches,
+        points_per_patch: usize,
+    ) -> Result<NearField, Error> {
+        same_length("targets", self.targets.n_points(), points.len())?;
+        same_length("sources", self.sources.n_points(), patches.triangles.len() * points_per_patch)?;
+        let leaves = leaves_of_points(&self.targets);
+        NearField::of_some(points, normals, patches, |target, q| {
+            let leaf = leaves[self.targets.to_tree[target] as usize];
+            let first = q as usize * points_per_patch;
+            !(first..first + points_per_patch).all(|j| self.gather.has(leaf, self.sources.to_tree[j]))
+        })
     }
 
     /// Pairs of boxes by outcome; without occlusion all of them are valid.
     pub fn outcomes(&self) -> Outcomes {
         let all = self.lists.all().iter().map(|rows| rows.boxes.len()).sum();
-        self.rounds.as_ref().map_or(Outcomes { valid: all, partial: 0 }, |rounds| rounds.visibility.outcomes)
+        self.rounds.as_ref().map_or(Outcomes { valid: all, ..Outcomes::default() }, |rounds| rounds.visibility.outcomes)
     }
 
     /// Links between target leaves and what they see in part.

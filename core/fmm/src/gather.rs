@@ -11,7 +11,8 @@ use crate::octree::Octree;
 use crate::rays::Frame;
 use crate::surface::Surface;
 use crate::vector::{add, cross, dot, norm, scale, sub};
-use std::f64::consts::{PI, TAU};
+use rayon::prelude::*;
+use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -82,15 +83,15 @@ impl Gather {
         density: usize,
     ) -> Self {
         let start = |s: u32| sources.points[s as usize][0];
-        pairs.sort_unstable_by_key(|&(leaf, s)| (targets.points[leaf as usize][0], start(s)));
+        pairs.par_sort_unstable_by_key(|&(leaf, s)| (targets.points[leaf as usize][0], start(s)));
         let mut places = vec![None; targets.n_boxes()];
         let cube = Cube::new();
         let rows: Vec<&[(u32, u32)]> = pairs.chunk_by(|a, b| a.0 == b.0).collect();
-        let leaves = rows.iter().zip(0..).map(|(row, place)| {
+        for (row, place) in rows.iter().zip(0..) {
             places[row[0].0 as usize] = Some(place);
-            OpenLeaf::new(targets, sources, margin, row, &cube)
-        });
-        Self { leaves: leaves.collect(), density, places, weights }
+        }
+        let leaves = rows.par_iter().map(|row| OpenLeaf::new(targets, sources, margin, row, &cube)).collect();
+        Self { leaves, density, places, weights }
     }
 
     /// Whether source j, in tree order, is in an open box of a target leaf.
@@ -251,31 +252,61 @@ impl Mask {
     }
 }
 
-/// The middle of every cell, unit, and the angle within which all of the cell lies.
+/// A cell of directions: its middle, unit, and the angle within which all of it lies, as cosine and sine.
+#[derive(Clone, Copy)]
+struct Cone {
+    middle: [f64; 3],
+    cos: f64,
+    sin: f64,
+}
+
+impl Cone {
+    /// The cell from (a, b) on of a face of the cube, of a side in parts of the face's half side.
+    fn new(face: usize, [a, b]: [f64; 2], side: f64) -> Self {
+        let direction = |i: f64, j: f64| {
+            let mut d = [0.0; 3];
+            d[face / 2] = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
+            (d[(face / 2 + 1) % 3], d[(face / 2 + 2) % 3]) = (a + i * side, b + j * side);
+            scale(d, 1.0 / norm(d))
+        };
+        let middle = direction(0.5, 0.5);
+        let corners = [(0., 0.), (0., 1.), (1., 0.), (1., 1.)];
+        let cos = corners.map(|(i, j)| dot(middle, direction(i, j))).into_iter().fold(1.0, f64::min);
+        Self { middle, cos, sin: (1.0 - cos * cos).sqrt() }
+    }
+
+    /// Whether any of its directions may be within an angle, given by cosine and sine, of a unit vector.
+    fn meets(&self, d: [f64; 3], cos: f64, sin: f64) -> bool {
+        // Both angles are at most a right one, so that their sum is at most a straight one.
+        dot(self.middle, d) >= self.cos * cos - self.sin * sin
+    }
+}
+
+/// Cells along one side of a quarter of a face.
+const FINE: usize = SIDE / 2;
+
+/// The quarters of all faces of the cube map, and their cells.
 struct Cube {
-    middles: Vec<[f64; 3]>,
-    angles: Vec<f64>,
+    quarters: Vec<Cone>,
+    /// (24, FINE * FINE) cells, each with its number.
+    cells: Vec<[(usize, Cone); FINE * FINE]>,
 }
 
 impl Cube {
     fn new() -> Self {
-        let direction = |face: usize, a: f64, b: f64| {
-            let mut d = [0.0; 3];
-            d[face / 2] = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
-            d[(face / 2 + 1) % 3] = 2.0 * a / SIDE as f64 - 1.0;
-            d[(face / 2 + 2) % 3] = 2.0 * b / SIDE as f64 - 1.0;
-            scale(d, 1.0 / norm(d))
-        };
-        let (mut middles, mut angles) = (Vec::new(), Vec::new());
-        for c in 0..CELLS {
-            let (face, a, b) = (c / (SIDE * SIDE), (c / SIDE % SIDE) as f64, (c % SIDE) as f64);
-            let middle = direction(face, a + 0.5, b + 0.5);
-            let corner = |(i, j)| dot(middle, direction(face, a + i, b + j));
-            let cos = [(0., 0.), (0., 1.), (1., 0.), (1., 1.)].map(corner).into_iter().fold(1.0, f64::min);
-            middles.push(middle);
-            angles.push(cos.acos());
+        let (mut quarters, mut cells) = (Vec::new(), Vec::new());
+        for quarter in 0..24 {
+            let (face, i, j) = (quarter / 4, quarter / 2 % 2, quarter % 2);
+            let low = [i as f64 - 1.0, j as f64 - 1.0];
+            quarters.push(Cone::new(face, low, 1.0));
+            cells.push(std::array::from_fn(|k| {
+                let (a, b) = (k / FINE, k % FINE);
+                let side = 1.0 / FINE as f64;
+                let number = (face * SIDE + i * FINE + a) * SIDE + j * FINE + b;
+                (number, Cone::new(face, [low[0] + a as f64 * side, low[1] + b as f64 * side], side))
+            }));
         }
-        Self { middles, angles }
+        Self { quarters, cells }
     }
 
     /// Marks all directions from within a ball to within another one; d joins their middles, `radius` is that of both.
@@ -285,10 +316,11 @@ impl Cube {
             mask.0 = [u64::MAX; CELLS / 64];
             return;
         }
-        let (d, spread) = (scale(d, 1.0 / distance), (radius / distance).asin());
-        for (c, (&middle, angle)) in self.middles.iter().zip(&self.angles).enumerate() {
-            if dot(middle, d) >= (spread + angle).min(PI).cos() {
-                mask.0[c / 64] |= 1 << (c % 64);
+        let (d, sin) = (scale(d, 1.0 / distance), radius / distance);
+        let cos = (1.0 - sin * sin).sqrt();
+        for (_, cells) in self.quarters.iter().zip(&self.cells).filter(|(quarter, _)| quarter.meets(d, cos, sin)) {
+            for (number, _) in cells.iter().filter(|(_, cell)| cell.meets(d, cos, sin)) {
+                mask.0[number / 64] |= 1 << (number % 64);
             }
         }
     }

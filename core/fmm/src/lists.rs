@@ -109,6 +109,19 @@ pub enum ListsError {
 }
 
 impl Lists {
+    /// No pairs at all.
+    pub fn empty(targets: &Octree, options: ListsOptions) -> Self {
+        let rows = || Rows { starts: vec![0; targets.n_boxes() + 1], boxes: Vec::new() };
+        Self {
+            options,
+            near_neighbours: rows(),
+            interaction_list: rows(),
+            local_interaction_list: rows(),
+            multipole_interaction_list: rows(),
+            facing_counts: FacingCounts::default(),
+        }
+    }
+
     /// Lists of two octrees on one grid, which may be one and the same.
     pub fn new(targets: &Octree, sources: &Octree, options: ListsOptions) -> Result<Self, ListsError> {
         if targets.grid != sources.grid {

@@ -33,6 +33,16 @@ pub struct Patches<'a> {
 impl NearField {
     /// Finds the patches within reach of each receiver (M, 3), with their exact form factors.
     pub fn new(points: &[[f64; 3]], normals: &[[f64; 3]], patches: &Patches) -> Result<Self, Error> {
+        Self::of_some(points, normals, patches, |_, _| true)
+    }
+
+    /// The same for the pairs of a receiver and a patch that are wanted.
+    pub fn of_some(
+        points: &[[f64; 3]],
+        normals: &[[f64; 3]],
+        patches: &Patches,
+        wanted: impl Fn(usize, u32) -> bool + Sync,
+    ) -> Result<Self, Error> {
         same_length("receiver normals", points.len(), normals.len())?;
         same_length("patch reach", patches.triangles.len(), patches.reach.len())?;
         let triangles: Vec<[DVec3; 3]> = patches.triangles.iter().map(|t| t.map(DVec3::from)).collect();
@@ -42,12 +52,17 @@ impl NearField {
         let rows: Vec<Vec<(u32, f64, [f64; 3])>> = points
             .par_iter()
             .zip(normals)
-            .map(|(&x, &n_x)| {
+            .enumerate()
+            .map(|(i, (&x, &n_x))| {
                 let mut near: Vec<u32> = reaches.locate_all_at_point(&x).map(|reach| reach.data).collect();
                 near.sort_unstable();
                 let (x, n_x) = (DVec3::from(x), DVec3::from(n_x));
                 let is_near = |q: &u32| centroid(&triangles[*q as usize]).distance(x) < patches.reach[*q as usize];
-                near.into_iter().filter(is_near).filter_map(|q| entry(x, n_x, q, &triangles[q as usize])).collect()
+                near.into_iter()
+                    .filter(is_near)
+                    .filter(|&q| wanted(i, q))
+                    .filter_map(|q| entry(x, n_x, q, &triangles[q as usize]))
+                    .collect()
             })
             .collect();
         Ok(Self::from_rows(&rows))

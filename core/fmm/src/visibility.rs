@@ -8,16 +8,20 @@
 
 use crate::facing::{Facing, FacingTest};
 use crate::links::{Links, Weights};
-use crate::lists::{Lists, ListsOptions, cells_between};
+use crate::lists::{ListsOptions, cells_between};
 use crate::octree::Octree;
 use crate::octree_build::EMITTERS;
 use crate::rays::{Frame, facing};
 use crate::shaft::{Blockers, End};
 use crate::vector::{norm, sub};
+use crate::visible_lists::Linked;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
+
+/// Whether a pair sees each other as a whole is worth no test where it decides about fewer rays.
+const FEW_RAYS: f64 = 16.0;
 
 /// How much is spent on visibility.
 #[derive(Debug, Clone, Copy)]
@@ -54,6 +58,23 @@ pub(crate) struct Pair {
     pub kind: Kind,
 }
 
+/// Two boxes whose visibility is looked for.
+#[derive(Debug, Clone, Copy)]
+struct Pending {
+    target: u32,
+    source: u32,
+    /// Whether the source box is kept while the target is split.
+    kept: bool,
+}
+
+/// What becomes of two boxes.
+enum Settled {
+    Invalid,
+    Valid(Kind),
+    Partial,
+    Postponed(Vec<Pending>),
+}
+
 /// Rays, each with the slot that its answer goes to.
 #[derive(Debug, Default)]
 pub struct Rays {
@@ -87,6 +108,7 @@ pub struct View {
 pub struct Outcomes {
     pub valid: usize,
     pub partial: usize,
+    pub invalid: usize,
 }
 
 /// The pairs of all lists, told apart.
@@ -94,71 +116,81 @@ pub struct Outcomes {
 pub struct Visibility {
     pub(crate) options: VisibilityOptions,
     pub(crate) valid: Vec<Pair>,
-    /// Pairs of a target leaf and a source box that it may see in part.
-    pub(crate) partial: Vec<Pair>,
+    /// Pairs of a target box and a source box that points of it may see in part.
+    pub(crate) partial: Vec<(u32, u32)>,
+    /// Those that get rays of their own.
+    pub(crate) linked: Vec<Linked>,
+    /// Whether some of these are aimed at sources that are no emitters.
+    pub aims: bool,
     pub outcomes: Outcomes,
 }
 
 impl Visibility {
-    /// Procedure Generate of the paper's Figure 7; pairs within reach of each other are not expanded.
-    pub fn generate(view: &View, lists: &Lists, options: VisibilityOptions) -> Self {
-        let kinds = [Kind::Near, Kind::Interaction, Kind::Local, Kind::Multipole];
-        let pairs: Vec<Pair> = lists
-            .all()
-            .into_iter()
-            .zip(kinds)
-            .flat_map(|(rows, kind)| rows.pairs().map(move |(t, s)| Pair { target: t as u32, source: s as u32, kind }))
-            .collect();
-        let apart = |&pair: &Pair| {
-            let (t, s) = (pair.target as usize, pair.source as usize);
-            if pair.kind == Kind::Near || view.distance(t, s) >= view.reach[s] {
-                return vec![pair];
-            }
-            let mut pairs = Vec::new();
-            view.split(t, s, &mut pairs);
-            pairs
+    /// Procedure Generate of the paper's Figure 7, from the roots on.
+    pub fn generate(view: &View, options: VisibilityOptions) -> Self {
+        let mut all = Self {
+            options,
+            valid: Vec::new(),
+            partial: Vec::new(),
+            linked: Vec::new(),
+            aims: false,
+            outcomes: Outcomes::default(),
         };
-        let mut pending: Vec<Pair> = pairs.par_iter().flat_map_iter(apart).collect();
-        let mut all = Self { options, valid: Vec::new(), partial: Vec::new(), outcomes: Outcomes::default() };
+        let roots =
+            |t: usize| view.sources.roots().map(move |s| Pending { target: t as u32, source: s as u32, kept: false });
+        let mut pending: Vec<Pending> = view.targets.roots().flat_map(roots).collect();
         while !pending.is_empty() {
             pending = all.modify(view, pending);
         }
+        all.outcomes.valid = all.valid.len();
         all
     }
 
     /// Procedure Modify: keeps the valid ones of these pairs, and returns what the others are postponed to.
-    fn modify(&mut self, view: &View, pairs: Vec<Pair>) -> Vec<Pair> {
-        let clear: Vec<bool> = pairs.par_iter().map(|pair| view.is_clear(pair)).collect();
-        let (mut partial, mut pending) = (Vec::new(), Vec::new());
-        for (pair, clear) in pairs.into_iter().zip(clear) {
-            if clear { self.valid.push(pair) } else { partial.push(pair) }
-        }
-        let postponed: Vec<Vec<Pair>> = partial.par_iter().map(|&pair| self.postpone(view, pair)).collect();
-        for (pair, children) in partial.into_iter().zip(postponed) {
-            if children.is_empty() {
-                self.partial.push(pair);
+    fn modify(&mut self, view: &View, pairs: Vec<Pending>) -> Vec<Pending> {
+        let settled: Vec<Settled> = pairs.par_iter().map(|&pair| self.settle(view, pair)).collect();
+        let mut pending = Vec::new();
+        for (Pending { target, source, .. }, settled) in pairs.into_iter().zip(settled) {
+            match settled {
+                Settled::Invalid => self.outcomes.invalid += 1,
+                Settled::Valid(kind) => self.valid.push(Pair { target, source, kind }),
+                Settled::Partial => {
+                    self.outcomes.partial += 1;
+                    self.partial.push((target, source));
+                }
+                Settled::Postponed(children) => {
+                    self.outcomes.partial += 1;
+                    pending.extend(children);
+                }
             }
-            self.outcomes.partial += 1;
-            pending.extend(children);
         }
-        self.outcomes.valid = self.valid.len();
         pending
     }
 
-    /// Pairs of children that stand for a partial pair; none where it becomes a link.
-    fn postpone(&self, view: &View, pair: Pair) -> Vec<Pair> {
+    fn settle(&self, view: &View, pair: Pending) -> Settled {
         let (t, s) = (pair.target as usize, pair.source as usize);
-        let leaves = (view.targets.is_leaf(t), view.sources.is_leaf(s));
-        let mut pairs = Vec::new();
-        if pair.kind == Kind::Link || leaves.1 || view.angle(t, s) <= self.options.angle {
-            let below = |c: usize| Pair { target: c as u32, source: pair.source, kind: Kind::Link };
-            pairs.extend(view.targets.children(t).map(below));
-        } else if leaves.0 || view.targets.level[t] > view.sources.level[s] {
-            view.sources.children(s).for_each(|s| view.sort(t, s, &mut pairs));
-        } else {
-            view.split(t, s, &mut pairs);
+        let facing = view.facing.classify(t, s);
+        if facing == Facing::None {
+            return Settled::Invalid;
         }
-        pairs
+        let kind = if pair.kept { Some(Kind::Link) } else { view.kind(t, s, facing) };
+        if let Some(kind) = kind.filter(|_| view.is_clear(t, s)) {
+            return Settled::Valid(kind);
+        }
+        if !view.emits(s) && self.rays_between(view, t, s) < FEW_RAYS {
+            return Settled::Partial;
+        }
+        let small = kind.is_some() && (view.sources.is_leaf(s) || view.angle(t, s) <= self.options.angle);
+        let leaves = (view.targets.is_leaf(t), view.sources.is_leaf(s));
+        if leaves.0 && (leaves.1 || pair.kept || small) {
+            return Settled::Partial;
+        }
+        Settled::Postponed(view.children(t, s, pair.kept || small))
+    }
+
+    /// About how many rays over the hemispheres of the points of a target box go to a source box.
+    fn rays_between(&self, view: &View, t: usize, s: usize) -> f64 {
+        view.share(t, s) * (view.targets.count(t) * self.options.density) as f64
     }
 
     /// Rays that fill the bits of some leaves' links, whose slots they have.
@@ -184,8 +216,7 @@ impl Visibility {
 }
 
 impl View {
-    fn is_clear(&self, pair: &Pair) -> bool {
-        let (t, s) = (pair.target as usize, pair.source as usize);
+    fn is_clear(&self, t: usize, s: usize) -> bool {
         self.blockers.are_clear(&self.ends[0][t], &self.ends[1][s])
     }
 
@@ -194,41 +225,36 @@ impl View {
         self.sources.axis[s] >= EMITTERS
     }
 
-    /// Sorts a pair of boxes into the lists, or those of its children where it can be expanded only there.
-    fn sort(&self, t: usize, s: usize, pairs: &mut Vec<Pair>) {
-        let facing = self.facing.classify(t, s);
-        if facing == Facing::None {
-            return;
-        }
-        let pair = |kind| Pair { target: t as u32, source: s as u32, kind };
+    /// The list that a pair of boxes belongs to, as in [`crate::lists`]; None where only children can be told apart.
+    fn kind(&self, t: usize, s: usize, facing: Facing) -> Option<Kind> {
         let leaves = (self.targets.is_leaf(t), self.sources.is_leaf(s));
         let levels = (self.targets.level[t], self.sources.level[s]);
         let separated = cells_between(&self.targets, t, &self.sources, s) > i64::from(self.lists.separation)
             && self.distance(t, s) >= self.reach[s];
         let expanded = separated && facing == Facing::All;
         if expanded && levels.0 == levels.1 && !self.lists.few_pairs(&self.targets, t, &self.sources, s) {
-            pairs.push(pair(Kind::Interaction));
+            Some(Kind::Interaction)
         } else if expanded && leaves.0 && levels.0 < levels.1 {
-            pairs.push(pair(Kind::Multipole));
+            Some(Kind::Multipole)
         } else if expanded && leaves.1 && levels.0 > levels.1 {
-            pairs.push(pair(Kind::Local));
+            Some(Kind::Local)
         } else {
-            self.split(t, s, pairs);
+            (leaves == (true, true)).then_some(Kind::Near)
         }
     }
 
-    /// The children of both in place of a pair, as far as there are any.
-    fn split(&self, t: usize, s: usize, pairs: &mut Vec<Pair>) {
-        match (self.targets.is_leaf(t), self.sources.is_leaf(s)) {
-            (true, true) => pairs.push(Pair { target: t as u32, source: s as u32, kind: Kind::Near }),
-            (false, true) => self.targets.children(t).for_each(|t| self.sort(t, s, pairs)),
-            (true, false) => self.sources.children(s).for_each(|s| self.sort(t, s, pairs)),
-            (false, false) => {
-                for t in self.targets.children(t) {
-                    self.sources.children(s).for_each(|s| self.sort(t, s, pairs));
-                }
-            }
-        }
+    /// The pairs of children that stand for a pair; those of the target alone where the source box is kept.
+    fn children(&self, t: usize, s: usize, kept: bool) -> Vec<Pending> {
+        let or_itself = |tree: &Octree, b: usize, split: bool| {
+            if split && !tree.is_leaf(b) { tree.children(b) } else { b..b + 1 }
+        };
+        // The larger box is split first, so that both stay on one level.
+        let levels = (self.targets.level[t], self.sources.level[s]);
+        let leaves = (self.targets.is_leaf(t), self.sources.is_leaf(s));
+        let of_target = or_itself(&self.targets, t, kept || levels.0 <= levels.1 || leaves.1);
+        let of_source = or_itself(&self.sources, s, !kept && (levels.1 <= levels.0 || leaves.0));
+        let pending = |t: usize, s: usize| Pending { target: t as u32, source: s as u32, kept };
+        of_target.flat_map(|t| of_source.clone().map(move |s| pending(t, s))).collect()
     }
 
     /// The ray between two points; false where they do not face each other.

@@ -10,14 +10,13 @@ use crate::visibility::{Kind, Pair, View, Visibility};
 use rayon::prelude::*;
 
 /// How many runs, and how many parts each of them.
-type Cut = (u32, u32);
-/// A pair that gets rays of its own.
-type Linked = (Pair, Cut);
+pub(crate) type Cut = (u32, u32);
+/// A target leaf and a source box that gets rays of its own.
+pub(crate) type Linked = ((u32, u32), Cut);
 
 impl Visibility {
-    /// Reduces the lists to the valid pairs, and makes of the others links, with all bits set, and what is gathered;
-    /// `areas` (N,) of the sources in tree order.
-    pub fn finish(&mut self, view: &View, lists: &mut Lists, areas: Vec<f64>) -> (Links, Gather) {
+    /// Puts the valid pairs into the lists.
+    pub fn list(&mut self, view: &View, lists: &mut Lists) {
         let (kept, listed): (Vec<Pair>, Vec<Pair>) =
             std::mem::take(&mut self.valid).into_iter().partition(|pair| pair.kind == Kind::Link);
         let points = lists.options.direct_points;
@@ -28,40 +27,52 @@ impl Visibility {
         lists.interaction_list = rows(Kind::Interaction);
         lists.local_interaction_list = rows(Kind::Local);
         lists.multipole_interaction_list = rows(Kind::Multipole);
-
-        let (linked, open) = self.told_apart(view);
-        let (mut runs, mut links) = (Runs::default(), Vec::new());
-        for (pair, cut) in linked {
-            links.extend(
-                runs.of(&view.sources, pair.source, cut, &view.weights, &view.softening).map(|run| (pair.target, run)),
-            );
-        }
-        let gather = Gather::new(&view.targets, &view.sources, &view.margin, open, areas, self.options.density);
-        (Links::new(&view.targets, links, runs), gather)
     }
 
-    /// The pairs that are seen in part: those that get rays of their own, with the cuts of their source boxes, and those
-    /// that are left to rays over the hemispheres, because a leaf has so many that these are fewer.
-    fn told_apart(&mut self, view: &View) -> (Vec<Linked>, Vec<(u32, u32)>) {
-        let mut pairs = std::mem::take(&mut self.partial);
-        pairs.par_sort_unstable_by_key(|pair| (pair.target, pair.source));
-        let leaves: Vec<&[Pair]> = pairs.chunk_by(|a, b| a.target == b.target).collect();
-        let of_leaf = |leaf: &[Pair]| {
-            let cuts: Vec<Linked> = leaf.iter().map(|&pair| (pair, self.cut(view, pair))).collect();
-            let emits = |pair: &Pair| view.emits(pair.source as usize);
-            let own = cuts.iter().filter(|(pair, _)| !emits(pair)).map(|(_, cut)| cut.0 as usize);
-            let few = own.sum::<usize>() <= self.options.aimed;
-            let linked = |pair: &Pair| few || emits(pair);
-            let (linked, open): (Vec<_>, Vec<_>) = cuts.into_iter().partition(|(pair, _)| linked(pair));
-            (linked, open.into_iter().map(|(pair, _)| (pair.target, pair.source)).collect::<Vec<_>>())
+    /// Links of the pairs that get rays of their own, with all bits set.
+    pub fn link(&mut self, view: &View) -> Links {
+        let (mut runs, mut links) = (Runs::default(), Vec::new());
+        for ((leaf, source), cut) in std::mem::take(&mut self.linked) {
+            links.extend(runs.of(&view.sources, source, cut, &view.weights, &view.softening).map(|run| (leaf, run)));
+        }
+        Links::new(&view.targets, links, runs)
+    }
+
+    /// Tells the pairs that are seen in part apart: those that get rays of their own, emitters always and others where
+    /// most leaves have few, are kept for [`Visibility::link`]; the rest are left to rays over the hemispheres, and to be
+    /// gathered. `areas` (N,) of the sources in tree order.
+    pub fn gather(&mut self, view: &View, areas: Vec<f64>) -> Gather {
+        let partial = std::mem::take(&mut self.partial);
+        let below =
+            |&(t, s): &(u32, u32)| leaves_below(&view.targets, t as usize).into_iter().map(move |t| (t as u32, s));
+        let mut pairs: Vec<(u32, u32)> = partial.par_iter().flat_map_iter(below).collect();
+        pairs.par_sort_unstable();
+        let leaves: Vec<&[(u32, u32)]> = pairs.chunk_by(|a, b| a.0 == b.0).collect();
+        let cuts: Vec<Vec<Linked>> =
+            leaves.par_iter().map(|leaf| leaf.iter().map(|&pair| (pair, self.cut(view, pair))).collect()).collect();
+        let emits = |linked: &Linked| view.emits(linked.0.1 as usize);
+        let has_few = |leaf: &Vec<Linked>| {
+            let runs = leaf.iter().filter(|linked| !emits(linked)).map(|(_, cut)| cut.0 as usize);
+            runs.sum::<usize>() <= self.options.aimed
         };
-        let (linked, open): (Vec<_>, Vec<_>) = leaves.into_par_iter().map(of_leaf).unzip();
-        (linked.concat(), open.concat())
+        let few: Vec<bool> = cuts.par_iter().map(has_few).collect();
+        self.aims = 2 * few.iter().filter(|few| **few).count() > few.len();
+        let mut open = Vec::new();
+        for (leaf, few) in cuts.into_iter().zip(few) {
+            for linked in leaf {
+                if emits(&linked) || (few && self.aims) {
+                    self.linked.push(linked);
+                } else {
+                    open.push(linked.0);
+                }
+            }
+        }
+        Gather::new(&view.targets, &view.sources, &view.margin, open, areas, self.options.density)
     }
 
     /// Into how many runs the source box of a link is cut, and each of these into how many parts.
-    fn cut(&self, view: &View, pair: Pair) -> Cut {
-        let (t, s) = (pair.target as usize, pair.source as usize);
+    fn cut(&self, view: &View, pair: (u32, u32)) -> Cut {
+        let (t, s) = (pair.0 as usize, pair.1 as usize);
         let points = f64::from(view.sources.count(s) as u32);
         if view.distance(t, s) < view.reach[s] {
             return (points as u32, 1);

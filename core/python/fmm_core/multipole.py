@@ -13,6 +13,10 @@ from .transport import Operator, Sums
 Points = NDArray[np.float64]
 
 
+#: An output point gets this many times the rays that a particle gets.
+EXCHANGE_SHARE = 8
+
+
 class MultipoleSpace:
     """Operators by the fast multipole method; see `transport.Space`.
 
@@ -30,7 +34,7 @@ class MultipoleSpace:
         self.counts: dict[str, int] = {}
         self.pairs = (0, 0)
         self._gathered: tuple[Points, Points, Operator] | None = None
-        self._weights: Points | None = None
+        self._openness: Points | None = None
         self._surface = sums.occlusion.surface(particles) if sums.occlusion else None
 
     def exchange(self, tick: Tick = silent) -> Operator:
@@ -54,6 +58,7 @@ class MultipoleSpace:
     ) -> tuple[_binding.Fmm, _binding.Correction]:
         """The sum at the targets, None for the particles themselves, and what corrects it near patches."""
         particles, settings = self.sums.particles, self._settings
+        occlusion = self.sums.occlusion
         fmm = _binding.Fmm(
             (particles.positions, particles.normals),
             particles.softening,
@@ -64,24 +69,29 @@ class MultipoleSpace:
             settings.separation,
             settings.expansion_in_use,
             emitters=particles.emits,
+            scene=occlusion.triangles if occlusion else None,
         )
-        occlusion = self.sums.occlusion
         tick(0.1)
-        if occlusion is None or not occlusion.may_block(fmm):
+        if occlusion is None or fmm.n_blockers() == 0:
             return fmm, self.sums.correction(points, normals, open_space=True)
         tick(0.2)
-        if self._weights is None:
-            weights = particles.visibility_weights
-            self._weights = weights * occlusion.openness(particles.positions, particles.normals, weights)
-        radii = particles.of_points(particles.radii)
-        sources = particles.weights, self._weights, self.sums.reach, radii
-        occlusion.occlude(fmm, sources, self._surface, self._effort(targets is None), tick)
+        weights, radii = particles.visibility_weights, particles.of_points(particles.radii)
+        sources = particles.weights, weights, self.sums.reach, radii
+        if occlusion.occlude(fmm, sources, self._effort(targets is None)):
+            if self._openness is None:
+                self._openness = occlusion.openness(particles.positions, particles.normals, weights)
+            weights = weights * self._openness
+        occlusion.trace(fmm, weights, self._surface, tick)
         return fmm, self.sums.correction(points, normals, fmm=fmm)
 
     def _effort(self, exchange: bool) -> tuple[float, float, float, float, int, int]:
         """Effort for visibility, as `VisibilityOptions` of the core has it."""
-        runs = min(1.0, (200 / self._settings.rays) ** 0.5)
-        return 0.8 / self._settings.rays, 0.4, 0.8 * runs, 0.1 * runs, 2 * self._settings.rays, 2 * self._settings.rays
+        rays = self._settings.rays
+        if exchange:
+            # What single particles get wrong averages out in what they send.
+            rays = max(10.0, rays / EXCHANGE_SHARE)
+        runs = min(1.0, (200 / rays) ** 0.5)
+        return 0.8 / rays, 0.4, 0.8 * runs, 0.1 * runs, 0 if exchange else round(2 * rays), round(2 * rays)
 
 
 def _same(gathered: tuple[Points, Points, Operator], points: Points, normals: Points) -> bool:

@@ -88,7 +88,10 @@ class Sums:
 
         open_space: nothing can be in the way, so that no ray is needed.
         """
-        near = _binding.NearField(points, normals, self.particles.patches, self._reach)
+        if fmm is None:
+            near = _binding.NearField(points, normals, self.particles.patches, self._reach)
+        else:
+            near = fmm.near_field(points, normals, self.particles.patches, self._reach, self.particles.per_patch)
         fractions, counted = np.ones(len(near)), None
         if self.occlusion is not None and not open_space:
             asked = np.ones(len(near), dtype=bool)

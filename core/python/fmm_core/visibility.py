@@ -44,7 +44,7 @@ class Occlusion:
     def __init__(self, scene: Scene) -> None:
         self._centre = scene.centre
         self._scale = scene.size / 2
-        self._triangles = scene.triangles
+        self.triangles = scene.triangles
         self.rays = 0
         corners = ((scene.triangles - self._centre) / self._scale).astype(np.float32)
         self._scene = embreex.rtcore_scene.EmbreeScene()
@@ -87,14 +87,10 @@ class Occlusion:
             _binding.symmetrise(bits, len(sources))
         return bits
 
-    def may_block(self, fmm: _binding.Fmm) -> bool:
-        """Whether any triangle can be between a source and a receiver of the sum."""
-        return fmm.find_blockers(self._triangles) > 0
-
     def surface(self, particles: Particles) -> _binding.Surface:
         """The triangles, with what tells which particle stands for a point on them."""
         parts = particles.edges, particles.parts, particles.rule
-        return _binding.Surface(self._triangles, *parts, len(particles.patches))
+        return _binding.Surface(self.triangles, *parts, len(particles.patches))
 
     def openness(
         self, points: NDArray[np.float64], normals: NDArray[np.float64], weights: NDArray[np.float64]
@@ -115,16 +111,20 @@ class Occlusion:
         self,
         fmm: _binding.Fmm,
         sources: tuple[NDArray[np.float64], ...],
-        surface: _binding.Surface,
         effort: tuple[float, float, float, float, int, int],
-        tick: Tick = silent,
-    ) -> None:
-        """Turns the lists of a fast multipole sum into visible ones (section 5 of the paper), after `may_block`.
+    ) -> bool:
+        """Makes the visible lists of a fast multipole sum among the triangles (section 5 of the paper).
 
         sources: areas, weights, reach and radii (N,) as `Occluded` of the core has them; effort as its
-        `VisibilityOptions`.
+        `VisibilityOptions`. Whether the weights that `trace` takes should say how open each source is.
         """
-        fmm.occlude(list(sources), (tuple(self._centre), self._scale, OFFSET), effort)
+        return fmm.occlude(list(sources), (tuple(self._centre), self._scale, OFFSET), effort)
+
+    def trace(
+        self, fmm: _binding.Fmm, weights: NDArray[np.float64], surface: _binding.Surface, tick: Tick = silent
+    ) -> None:
+        """Traces the rays that a sum wants after `occlude`."""
+        fmm.link(weights)
 
         def link(leaves: slice) -> int:
             slots, origins, directions = fmm.link_rays(leaves.start, leaves.stop)
