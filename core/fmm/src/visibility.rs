@@ -80,6 +80,7 @@ pub struct View {
 pub struct Outcomes {
     pub valid: usize,
     pub partial: usize,
+    pub invalid: usize,
 }
 
 /// The pairs of all lists, told apart.
@@ -206,7 +207,7 @@ impl View {
     }
 
     /// The children of both in place of a pair, as far as there are any.
-    fn split(&self, t: usize, s: usize, pairs: &mut Vec<Pair>) {
+    pub(crate) fn split(&self, t: usize, s: usize, pairs: &mut Vec<Pair>) {
         match (self.targets.is_leaf(t), self.sources.is_leaf(s)) {
             (true, true) => pairs.push(Pair { target: t as u32, source: s as u32, kind: Kind::Near }),
             (false, true) => self.targets.children(t).for_each(|t| self.sort(t, s, pairs)),
@@ -220,7 +221,7 @@ impl View {
     }
 
     /// The ray between two points; false where they do not face each other.
-    fn push(&self, (i, j): (usize, usize), slot: u64, rays: &mut Rays) -> bool {
+    pub(crate) fn push(&self, (i, j): (usize, usize), slot: u64, rays: &mut Rays) -> bool {
         let (x, n_x) = (self.targets.positions[i], self.targets.normals[i]);
         let (y, n_y) = (self.sources.positions[j], self.sources.normals[j]);
         let face = facing(x, n_x, y, n_y);

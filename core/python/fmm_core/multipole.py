@@ -18,7 +18,7 @@ class MultipoleSpace:
 
     grouping   the s in use, chosen by the cost model where the settings leave it open
     counts     how much work the exchange does, by pass
-    pairs      pairs of boxes that see each other as a whole, and pairs that were postponed because they may not
+    pairs      pairs of boxes that see each other as a whole, that were postponed because they may not, and that do not
     """
 
     def __init__(self, sums: Sums, settings: Settings) -> None:
@@ -28,7 +28,7 @@ class MultipoleSpace:
         if settings.grouping is None and settings.level is None:
             self.grouping = choose_grouping(particles.positions, particles.normals, settings)
         self.counts: dict[str, int] = {}
-        self.pairs = (0, 0)
+        self.pairs = (0, 0, 0)
         self._gathered: tuple[Points, Points, Operator] | None = None
         self._weights: Points | None = None
 
@@ -66,6 +66,9 @@ class MultipoleSpace:
         )
         occlusion = self.sums.occlusion
         tick(0.1)
+        if occlusion is not None and settings.visibility == "cells":
+            occlusion.find_cells(fmm, tick)
+            return fmm, self.sums.correction(points, normals, fmm=fmm)
         if occlusion is None or not occlusion.may_block(fmm):
             return fmm, self.sums.correction(points, normals, open_space=True)
         tick(0.2)

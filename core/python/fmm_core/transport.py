@@ -95,6 +95,7 @@ class Sums:
             if fmm is not None:
                 counted, whole = fmm.near_seen(near, self.particles.per_patch)
                 asked = ~whole
+                fractions = counted.reshape(-1, self.particles.per_patch).mean(axis=1)
             rows = np.repeat(np.arange(len(points)), np.diff(near.starts()).astype(np.int64))[asked]
             patch_normals = self.particles.normals[near.patches()[asked] * self.particles.per_patch]
             ends = points[rows], normals[rows], near.targets()[asked], patch_normals

@@ -32,6 +32,8 @@ BLOCK_PAIRS = 1 << 16
 OPENNESS_RAYS = 48
 #: Leaves whose links are filled in one block: about 100,000 rays.
 LEAVES_PER_BLOCK = 16
+#: Cells that rays are shot from in one block.
+CELLS_PER_BLOCK = 16
 
 
 class Occlusion:
@@ -126,6 +128,18 @@ class Occlusion:
             return len(slots)
 
         self.rays += _run_blocks(fill, fmm.linked_leaves(), LEAVES_PER_BLOCK, lambda done: tick(0.3 + 0.6 * done))
+
+    def find_cells(self, fmm: _binding.Fmm, tick: Tick = silent) -> None:
+        """Turns the lists of a fast multipole sum into visible ones by pairs of cells, as in section 5 of the paper."""
+
+        def shoot_and_detect(cells: slice) -> int:
+            slots, origins, directions = fmm.shoot(cells.start, cells.stop)
+            fmm.detect(slots, self._occluded(origins, directions))
+            return len(slots)
+
+        count = fmm.find_cells((tuple(self._centre), self._scale, OFFSET))
+        self.rays += _run_blocks(shoot_and_detect, count, CELLS_PER_BLOCK, lambda done: tick(0.2 + 0.6 * done))
+        fmm.generate()
 
     def visible_targets(
         self,
