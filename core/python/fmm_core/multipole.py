@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The fast multipole method: octrees, interaction lists and expansions in place of the sum over all pairs."""
 
+import time
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,7 @@ class MultipoleSpace:
     grouping   the s in use, chosen by the cost model where the settings leave it open
     counts     how much work the exchange does, by pass
     pairs      pairs of boxes that see each other as a whole, that were postponed because they may not, and that do not
+    occlusion_seconds   seconds that visibility took in the sum made last
     """
 
     def __init__(self, sums: Sums, settings: Settings) -> None:
@@ -29,6 +32,7 @@ class MultipoleSpace:
             self.grouping = choose_grouping(particles.positions, particles.normals, settings)
         self.counts: dict[str, int] = {}
         self.pairs = (0, 0, 0)
+        self.occlusion_seconds = 0.0
         self._gathered: tuple[Points, Points, Operator] | None = None
         self._weights: Points | None = None
 
@@ -64,19 +68,28 @@ class MultipoleSpace:
             settings.expansion_in_use,
             emitters=particles.emits,
         )
-        occlusion = self.sums.occlusion
         tick(0.1)
-        if occlusion is not None and settings.visibility == "cells":
-            occlusion.find_cells(fmm, tick)
-            return fmm, self.sums.correction(points, normals, fmm=fmm)
-        if occlusion is None or not occlusion.may_block(fmm):
+        start = time.perf_counter()
+        occluded = self._occlude(fmm, tick)
+        self.occlusion_seconds = time.perf_counter() - start
+        if not occluded:
             return fmm, self.sums.correction(points, normals, open_space=True)
+        return fmm, self.sums.correction(points, normals, fmm=fmm)
+
+    def _occlude(self, fmm: _binding.Fmm, tick: Tick) -> bool:
+        """Reduces the lists of a sum to visible ones; false where nothing can be in the way."""
+        particles, occlusion = self.sums.particles, self.sums.occlusion
+        if occlusion is not None and self._settings.visibility == "cells":
+            occlusion.find_cells(fmm, tick)
+            return True
+        if occlusion is None or not occlusion.may_block(fmm):
+            return False
         tick(0.2)
         if self._weights is None:
             weights = particles.visibility_weights
             self._weights = weights * occlusion.openness(particles.positions, particles.normals, weights)
         occlusion.occlude(fmm, self._weights, self.sums.reach, self._effort, tick)
-        return fmm, self.sums.correction(points, normals, fmm=fmm)
+        return True
 
     @property
     def _effort(self) -> tuple[float, float, float, float]:

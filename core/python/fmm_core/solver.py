@@ -52,6 +52,9 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solut
     with report.time("lists" if multipole else "visibility"):
         space = MultipoleSpace(sums, settings) if multipole else DirectSpace(sums)
         exchange = space.exchange(ticker(progress, 0.0, 0.8, "Preparing the exchange"))
+    if isinstance(space, MultipoleSpace):
+        report.seconds["lists"] -= space.occlusion_seconds
+        report.seconds["visibility"] += space.occlusion_seconds
     with report.time("transport"):
         radiosity = shoot(exchange, scene, particles, settings, report, ticker(progress, 0.8, 1.0, "Exchanging light"))
     if isinstance(space, MultipoleSpace):
