@@ -25,7 +25,8 @@ class Settings:
     method          "fmm": the fast multipole method; "direct": every particle with every other one, the reference;
                     None: direct where there are few particles, which takes no longer there
     visibility      "rays": shadows; "cells": the paper's own algorithm, of the fast multipole method only, with shadows
-                    as coarse as the leaves of the octree; "none": all in front of the horizon is seen, as it is in a convex room
+                    as coarse as the leaves of the octree; "none": all in front of the horizon is seen, as it is
+                    in a convex room
     rays            about how many rays the fast multipole method traces from each receiver; the error falls with their
                     number. The direct method traces one for each pair
     expansion       "whole": the kernel as one tensor; "compressed": the same in fewer numbers, which take longer to set
