@@ -22,9 +22,10 @@ from scenes import cornell
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 ROOT = Path(__file__).parents[1]
-SIZES = (2_000, 5_000, 10_000, 20_000, 50_000)
+SIZES = (2_000, 5_000, 10_000, 20_000, 30_000, 50_000)
 SMALL = (300, 600)
 ALGORITHMS = ("cells", "rays")
 STYLES = {"cells": "o-", "rays": "s--"}
@@ -80,7 +81,7 @@ def measured(path: Path, size: int, visibility: str) -> Row:
     """One solve; to run in a fresh process."""
     with np.load(path) as arrays:
         scene = Scene(arrays["triangles"], arrays["albedo"], arrays["emission"])
-    settings = Settings(method="fmm", level=3, particles=size, visibility=visibility, probes=0)
+    settings = Settings(method="fmm", level=3, particles=size, quadrature=1, visibility=visibility, probes=0)
     start = time.perf_counter()
     report = solve(scene, settings).report
     seconds = time.perf_counter() - start
@@ -123,7 +124,10 @@ def draw(path: Path, rows: list[Row]) -> None:
     for visibility, text in (("cells", "cells, the paper's algorithm"), ("rays", "rays, the default")):
         axes.plot([], [], STYLES[visibility], color="0.4", markersize=4, label=text)
     axes.set(xscale="log", yscale="log", xlabel="particles N", ylabel="seconds from triangles to radiosity")
-    axes.grid(alpha=0.3, which="both")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda n, _: f"{n:,.0f}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.grid(alpha=0.3)
     axes.legend(frameon=False)
     figure.savefig(path, dpi=150)
 

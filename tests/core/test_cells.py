@@ -65,21 +65,21 @@ def test_a_convex_room_postpones_nothing_and_loses_no_light(turn, octree):
     solution = fmm_core.solve(scene, fmm_core.Settings(visibility="cells", **options))
     open_space = fmm_core.solve(scene, fmm_core.Settings(visibility="none", **options))
     irradiance = solution.irradiance(*points)
-    assert irradiance == pytest.approx(np.full_like(irradiance, 2.0), rel=5e-3)
+    assert irradiance == pytest.approx(np.full_like(irradiance, 2.0), rel=1e-2)
     assert solution.report["postponement"] == 0.0
     assert pairs(solution) == (open_space.report["counts"]["pairs_valid"], 0, 0)
     assert solution.report["counts"]["rays"] > 0
 
 
-@pytest.mark.parametrize("octree", [{"level": 3}, {"grouping": 64}])
+@pytest.mark.parametrize("octree", [{"level": 3}, {"grouping": 32}])
 @pytest.mark.parametrize("gap", [0.0, 1e-4])
 def test_no_light_passes_a_wall_between_cells(gap, octree):
     left = shapes.room()
     right = left + np.array([1.0 + gap, 0.0, 0.0])
     scene = fmm_core.Scene(np.concatenate([left, right]), 0.5, (np.arange(24) < 12).astype(float))
     solution = fmm_core.solve(scene, fmm_core.Settings(particles=4000, **CELLS, **octree))
-    lit = solution.irradiance(*shapes.random_points(left, 30))
-    dark = solution.irradiance(*shapes.random_points(right, 30))
+    points = zip(shapes.random_points(left, 100), shapes.random_points(right, 100), strict=True)
+    lit, dark = np.split(solution.irradiance(*map(np.concatenate, points)), 2)
     assert lit == pytest.approx(np.full_like(lit, 2.0), rel=2e-2)
     assert dark.max() < 1e-6 * lit.min()
     assert pairs(solution)[2] > 0
