@@ -164,11 +164,12 @@ impl Cells {
     /// Procedure Generate (Figure 7), on all lists, level by level.
     pub fn generate(&self, lists: &Lists) -> VisibleLists {
         let kinds = [Kind::Near, Kind::Interaction, Kind::Local, Kind::Multipole];
-        let pairs = |(rows, kind): (_, Kind)| {
-            let rows: &crate::lists::Rows = rows;
-            rows.pairs().map(move |(t, s)| Pair { target: t as u32, source: s as u32, kind })
-        };
-        let mut pending: Vec<Pair> = lists.all().into_iter().zip(kinds).flat_map(pairs).collect();
+        let mut pending: Vec<Pair> = lists
+            .all()
+            .into_iter()
+            .zip(kinds)
+            .flat_map(|(rows, kind)| rows.pairs().map(move |(t, s)| Pair { target: t as u32, source: s as u32, kind }))
+            .collect();
         let mut all = VisibleLists::default();
         while !pending.is_empty() {
             pending = self.modify(pending, &mut all);
