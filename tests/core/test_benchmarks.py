@@ -28,6 +28,17 @@ def test_benchmark_prints_its_table_and_saves_its_picture(name, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_postponement_prints_its_table_and_saves_its_picture(tmp_path):
+    table, picture = tmp_path / "table.json", tmp_path / "picture.png"
+    done = run("postponement", "--json", table, "--picture", picture)
+    assert done.returncode == 0, done.stderr
+    assert "alpha" in done.stdout
+    rows = json.loads(table.read_text())["rows"]
+    assert {(row["scene"], row["visibility"]) for row in rows} >= {("empty", "cells"), ("two blocks", "rays")}
+    assert all(0 <= row["share"] < 1 and (row["alpha"] > 0) == (row["scene"] != "empty") for row in rows)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
 @pytest.mark.skipif(importlib.util.find_spec("fmm3dpy") is not None, reason="fmm3dpy is installed")
 def test_comparison_says_in_one_line_what_is_missing():
     done = run("fmm3d")

@@ -3,6 +3,7 @@
 
 use crate::arrays::{flat, table, triangles, triples, value_error, vector};
 use crate::direct::NearField;
+use ::fmm::cells::Cells;
 use ::fmm::driver;
 use ::fmm::driver_visibility::Occluded;
 use ::fmm::expansion::{Compressed, Expansion, Paper, Whole};
@@ -11,7 +12,7 @@ use ::fmm::lists::ListsOptions;
 use ::fmm::near_field::Patches;
 use ::fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
 use ::fmm::rays::Frame;
-use ::fmm::visibility::VisibilityOptions;
+use ::fmm::visibility::{Rays, VisibilityOptions};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -179,10 +180,10 @@ impl Fmm {
         self.driver.links().leaves.len()
     }
 
-    /// Pairs found valid and partial.
-    fn outcomes(&self) -> (usize, usize) {
+    /// Pairs found valid, partial and invalid.
+    fn outcomes(&self) -> (usize, usize, usize) {
         let outcomes = self.driver.outcomes();
-        (outcomes.valid, outcomes.partial)
+        (outcomes.valid, outcomes.partial, outcomes.invalid)
     }
 
     /// Rays that fill the bits of links.
@@ -195,6 +196,33 @@ impl Fmm {
     fn block(&self, py: Python, slots: PyReadonlyArray1<u64>, occluded: PyReadonlyArray1<bool>) -> PyResult<()> {
         let (slots, occluded) = (flat(&slots)?, flat(&occluded)?);
         py.detach(|| self.driver.links().block(slots, occluded)).map_err(value_error)
+    }
+
+    /// Pairs the cells of the octrees, and returns the number of target cells; frame as (centre, scale, offset).
+    fn find_cells(&mut self, py: Python, frame: ([f64; 3], f64, f64)) -> PyResult<usize> {
+        let (centre, scale, offset) = frame;
+        let frame = Frame { centre, scale, offset };
+        py.detach(|| self.driver.find_cells(frame)).map_err(value_error)?;
+        Ok(self.driver.cells().map_or(0, Cells::len))
+    }
+
+    /// Rays from some target cells.
+    fn shoot<'py>(&self, py: Python<'py>, start: usize, stop: usize) -> PyResult<RayArrays<'py>> {
+        let shoot = |cells: &Cells| cells.shoot(start..stop);
+        let rays = py.detach(|| self.driver.cells().map_or_else(Rays::default, shoot));
+        Ok((vector(py, rays.slots), table(py, rays.origins)?, table(py, rays.directions)?))
+    }
+
+    /// Which pairs of cells are visible, from the answers to all rays of a `shoot`.
+    fn detect(&self, py: Python, slots: PyReadonlyArray1<u64>, occluded: PyReadonlyArray1<bool>) -> PyResult<()> {
+        let (slots, occluded) = (flat(&slots)?, flat(&occluded)?);
+        let detect = |cells: &Cells| cells.detect(slots, occluded);
+        py.detach(|| self.driver.cells().map_or(Ok(()), detect)).map_err(value_error)
+    }
+
+    /// Reduces the lists to visible ones, once all pairs of cells are told.
+    fn generate(&mut self, py: Python) {
+        py.detach(|| self.driver.generate());
     }
 
     /// For each source of each near entry whether the sum has it, and for each entry whether it needs no ray and which

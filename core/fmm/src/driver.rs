@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The fast multipole method, step by step as in section 4 of the paper.
 
+use crate::cells::Cells;
 use crate::direct::Sources;
 use crate::driver_visibility::Rounds;
 use crate::error::{Error, same_length};
@@ -12,6 +13,7 @@ use crate::octree::Octree;
 use crate::passes::Passes;
 use crate::shaft::Blockers;
 use crate::translations::Translations;
+use crate::visibility::Outcomes;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
@@ -50,6 +52,9 @@ pub struct Fmm {
     pub(crate) gather: Gather,
     pub(crate) blockers: Blockers,
     pub(crate) rounds: Option<Rounds>,
+    pub(crate) cells: Option<Cells>,
+    /// Of the pairs of cells.
+    pub(crate) outcomes: Option<Outcomes>,
 }
 
 /// Seconds of each pass of one application, in the order in which they ran.
@@ -103,6 +108,8 @@ impl Fmm {
             gather: Gather::default(),
             blockers,
             rounds: None,
+            cells: None,
+            outcomes: None,
         })
     }
 

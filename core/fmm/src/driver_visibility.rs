@@ -119,8 +119,9 @@ impl Fmm {
 
     /// Pairs of boxes by outcome; without occlusion all of them are valid.
     pub fn outcomes(&self) -> Outcomes {
-        let all = self.lists.all().iter().map(|rows| rows.boxes.len()).sum();
-        self.rounds.as_ref().map_or(Outcomes { valid: all, ..Outcomes::default() }, |rounds| rounds.visibility.outcomes)
+        let valid = self.lists.all().iter().map(|rows| rows.boxes.len()).sum();
+        let of_rounds = self.rounds.as_ref().map(|rounds| rounds.visibility.outcomes);
+        self.outcomes.or(of_rounds).unwrap_or(Outcomes { valid, ..Outcomes::default() })
     }
 
     /// Links between target leaves and what they see in part.
@@ -155,6 +156,9 @@ impl Fmm {
 
     /// Which sources of near patches the sum has; `near` is of the targets of this sum, in scene order.
     pub fn near_seen(&self, near: &NearField, points_per_patch: usize) -> NearSeen {
+        if let Some(cells) = &self.cells {
+            return self.near_seen_by_cells(cells, near, points_per_patch);
+        }
         let leaves = (leaves_of_points(&self.targets), leaves_of_points(&self.sources));
         let rows: Vec<Vec<Counted>> = (0..self.targets.n_points())
             .into_par_iter()

@@ -3,8 +3,10 @@
 //! factors for near triangles. Positions and normals are `&[[f64; 3]]`, colours are `[red, green, blue]`, lengths are in
 //! the caller's unit throughout.
 
+pub mod cells;
 pub mod direct;
 pub mod driver;
+mod driver_cells;
 pub mod driver_visibility;
 pub mod error;
 pub mod expansion;

@@ -257,8 +257,21 @@ impl View {
         of_target.flat_map(|t| of_source.clone().map(move |s| pending(t, s))).collect()
     }
 
+    /// The pairs of the lists that stand for a pair, below it.
+    pub(crate) fn postpone(&self, t: usize, s: usize, pairs: &mut Vec<Pair>) {
+        for child in self.children(t, s, false) {
+            let (t, s) = (child.target as usize, child.source as usize);
+            let facing = self.facing.classify(t, s);
+            match self.kind(t, s, facing).filter(|_| facing != Facing::None) {
+                Some(kind) => pairs.push(Pair { target: child.target, source: child.source, kind }),
+                None if facing == Facing::None => {}
+                None => self.postpone(t, s, pairs),
+            }
+        }
+    }
+
     /// The ray between two points; false where they do not face each other.
-    fn push(&self, (i, j): (usize, usize), slot: u64, rays: &mut Rays) -> bool {
+    pub(crate) fn push(&self, (i, j): (usize, usize), slot: u64, rays: &mut Rays) -> bool {
         let (x, n_x) = (self.targets.positions[i], self.targets.normals[i]);
         let (y, n_y) = (self.sources.positions[j], self.sources.normals[j]);
         let face = facing(x, n_x, y, n_y);

@@ -128,7 +128,7 @@ fn leaves_below(tree: &Octree, b: usize) -> Vec<usize> {
 }
 
 /// Pairs as rows by target, sorted.
-fn rows<'a>(targets: &Octree, pairs: impl Iterator<Item = &'a Pair>) -> Rows {
+pub(crate) fn rows<'a>(targets: &Octree, pairs: impl Iterator<Item = &'a Pair>) -> Rows {
     let mut pairs: Vec<(u32, u32)> = pairs.map(|pair| (pair.target, pair.source)).collect();
     pairs.par_sort_unstable();
     let mut rows = Rows { starts: vec![0; targets.n_boxes() + 1], boxes: Vec::with_capacity(pairs.len()) };

@@ -11,7 +11,7 @@ METHODS = ("direct", "fmm")
 EXPANSIONS = ("whole", "paper", "compressed")
 #: Setting up the compressed expansion takes p^9 steps.
 MAX_COMPRESSED = 8
-VISIBILITIES = ("rays", "none")
+VISIBILITIES = ("rays", "cells", "none")
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,9 @@ class Settings:
     target_error    wanted relative error of the irradiance, between 0 and 1, or None
     method          "fmm": the fast multipole method; "direct": every particle with every other one, the reference;
                     None: direct where there are few particles, which takes no longer there
-    visibility      "rays": shadows; "none": all in front of the horizon is seen, as it is in a convex room
+    visibility      "rays": shadows; "cells": the paper's own algorithm, of the fast multipole method only, with shadows
+                    as coarse as the leaves of the octree; "none": all in front of the horizon is seen, as it is
+                    in a convex room
     rays            about how many rays the fast multipole method traces from each receiver; the error falls with their
                     number. The direct method traces one for each pair
     expansion       "whole": the kernel as one tensor; "compressed": the same in fewer numbers, which take longer to set
@@ -73,6 +75,8 @@ class Settings:
         self._check_real("tolerance", 1e-12, 0.5)
         self._check_choice("method", (None, *METHODS))
         self._check_choice("visibility", VISIBILITIES)
+        if self.visibility == "cells" and self.method == "direct":
+            raise Error("visibility: 'cells' is for the method 'fmm', got 'direct'")
         self._check_choice("expansion", (None, *EXPANSIONS))
         if self.near_reach is not None:
             self._check_real("near_reach", 1.0, 1e3)

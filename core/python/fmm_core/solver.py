@@ -44,18 +44,23 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solut
         particles = make_particles(scene, count, degree)
     report.counts.update(triangles=len(scene.triangles), particles=len(particles))
     with report.time("visibility"):
-        occlusion = Occlusion(scene) if settings.visibility == "rays" else None
-    multipole = settings.method == "fmm" or (settings.method is None and len(particles) > FEW_PARTICLES)
+        occlusion = Occlusion(scene) if settings.visibility != "none" else None
+    few = settings.method is None and settings.visibility != "cells" and len(particles) <= FEW_PARTICLES
+    multipole = settings.method != "direct" and not few
     single = 6.0 if multipole and occlusion else 12.0
     sums = Sums(particles, occlusion, settings.near_reach or (single if degree == 1 else 4.0))
     with report.time("lists" if multipole else "visibility"):
         space = MultipoleSpace(sums, settings) if multipole else DirectSpace(sums)
         exchange = space.exchange(ticker(progress, 0.0, 0.8, "Preparing the exchange"))
+    if isinstance(space, MultipoleSpace):
+        report.seconds["lists"] -= space.occlusion_seconds
+        report.seconds["visibility"] += space.occlusion_seconds
     with report.time("transport"):
         radiosity = shoot(exchange, scene, particles, settings, report, ticker(progress, 0.8, 1.0, "Exchanging light"))
     if isinstance(space, MultipoleSpace):
         report.counts.update({name: space.counts[name] for name in ("boxes", "leaves")})
-        report.counts.update(pairs_valid=space.pairs[0], pairs_partial=space.pairs[1])
+        names = "pairs_valid", "pairs_partial", "pairs_invalid"
+        report.counts.update(zip(names, space.pairs, strict=True))
         report.postponement = space.pairs[1] / max(1, sum(space.pairs))
         if settings.probes:
             with report.time("accuracy"):

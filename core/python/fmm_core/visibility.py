@@ -33,6 +33,8 @@ BLOCK_PAIRS = 1 << 16
 OPENNESS_RAYS = 48
 #: Leaves whose links are filled in one block: about 100,000 rays.
 LEAVES_PER_BLOCK = 16
+#: Cells that rays are shot from in one block.
+CELLS_PER_BLOCK = 16
 
 
 class Occlusion:
@@ -145,6 +147,18 @@ class Occlusion:
             return np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.float32)
         met = self._scene.run(origins, directions, query="INTERSECT", output=True)
         return met["primID"], met["u"], met["v"]
+
+    def find_cells(self, fmm: _binding.Fmm, tick: Tick = silent) -> None:
+        """Turns the lists of a fast multipole sum into visible ones by pairs of cells, as in section 5 of the paper."""
+
+        def shoot_and_detect(cells: slice) -> int:
+            slots, origins, directions = fmm.shoot(cells.start, cells.stop)
+            fmm.detect(slots, self._occluded(origins, directions))
+            return len(slots)
+
+        count = fmm.find_cells((tuple(self._centre), self._scale, OFFSET))
+        self.rays += _run_blocks(shoot_and_detect, count, CELLS_PER_BLOCK, lambda done: tick(0.2 + 0.6 * done))
+        fmm.generate()
 
     def visible_targets(
         self,
