@@ -16,7 +16,7 @@ Points = NDArray[np.float64]
 
 
 #: An output point gets this many times the rays that a particle gets.
-EXCHANGE_SHARE = 8
+EXCHANGE_SHARE = 4
 
 
 class MultipoleSpace:

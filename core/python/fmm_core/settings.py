@@ -8,6 +8,7 @@ from numbers import Integral, Real
 from .errors import Error
 
 METHODS = ("direct", "fmm")
+ITERATIONS = ("krylov", "shooting")
 EXPANSIONS = ("whole", "paper", "compressed")
 #: Setting up the compressed expansion takes p^9 steps.
 MAX_COMPRESSED = 8
@@ -40,6 +41,7 @@ class Settings:
     near_reach      patches closer than this many of their own radii count with their exact form factor; None: 4, or 12
                     where they carry a single point, for errors of less than 0.1 %, but 6 with shadows in the fast
                     multipole method, which has larger errors and pays for reach in rays
+    iteration       "krylov": GMRES; "shooting": that of the paper (section 4), slower where surfaces are bright
     tolerance       iteration ends when the unshot part of the light is below this share
     max_iterations  and at the latest after this many applications of the operator
     probes          random points whose irradiance is also summed directly, to measure the error; 0 for none
@@ -57,6 +59,7 @@ class Settings:
     particles: int | None = None
     quadrature: int | None = None
     near_reach: float | None = None
+    iteration: str = "krylov"
     tolerance: float = 1e-4
     max_iterations: int = 1000
     probes: int = 300
@@ -75,6 +78,7 @@ class Settings:
         self._check_real("tolerance", 1e-12, 0.5)
         self._check_choice("method", (None, *METHODS))
         self._check_choice("visibility", VISIBILITIES)
+        self._check_choice("iteration", ITERATIONS)
         if self.visibility == "cells" and self.method == "direct":
             raise Error("visibility: 'cells' is for the method 'fmm', got 'direct'")
         self._check_choice("expansion", (None, *EXPANSIONS))

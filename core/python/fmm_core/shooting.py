@@ -24,7 +24,7 @@ def shoot(
     unshot = scene.emission[particles.triangle]
     radiosity = unshot.copy()
     for step in range(1, settings.max_iterations + 1):
-        unshot = albedo * exchange.apply(unshot)
+        unshot = albedo * np.maximum(exchange.apply(unshot), 0.0)
         radiosity += unshot
         lit = radiosity > 0
         report.residuals.append(float((unshot[lit] / radiosity[lit]).max(initial=0.0)))

@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from .arrays import finite_rows, unit_rows
 from .errors import Error, memory_errors
+from .iteration import ITERATIONS
 from .particles import Particles
 from .progress import Progress, ticker
 from .report import Report
 from .scene import Scene
 from .settings import Settings
-from .shooting import shoot
 from .transport import Operator, Space
 
 
@@ -53,6 +53,8 @@ class Solution:
                 points, normals, self.radiosity, ticker(progress, 0.0, 1.0, "Gathering light")
             )
         self._report.counts["output_points"] = len(points)
+        # Expansions and corrections may leave a little less than nothing in the dark.
+        irradiance = np.maximum(irradiance, 0.0)
         self._report.counts["rays"] = self._space.sums.rays - self._report.traced
         return irradiance
 
@@ -71,7 +73,8 @@ class Solution:
         report.postponement, report.traced = self._report.postponement, self._space.sums.rays
         tick = ticker(progress, 0.0, 1.0, "Exchanging light")
         with memory_errors(), report.time("transport"):
-            radiosity = shoot(self._exchange, scene, self.particles, self.settings, report, tick)
+            iterate = ITERATIONS[self.settings.iteration]
+            radiosity = iterate(self._exchange, scene, self.particles, self.settings, report, tick)
         return Solution(scene, self.settings, self._space, self._exchange, radiosity, report)
 
     @property

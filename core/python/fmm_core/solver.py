@@ -4,13 +4,13 @@
 from .accuracy import measure
 from .direct import DirectSpace
 from .errors import Error, memory_errors
+from .iteration import ITERATIONS
 from .multipole import MultipoleSpace
 from .particles import make_particles
 from .progress import Progress, ticker
 from .report import Report
 from .scene import Scene
 from .settings import Settings
-from .shooting import shoot
 from .solution import Solution
 from .transport import Sums
 from .visibility import Occlusion
@@ -56,7 +56,8 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solut
         report.seconds["lists"] -= space.occlusion_seconds
         report.seconds["visibility"] += space.occlusion_seconds
     with report.time("transport"):
-        radiosity = shoot(exchange, scene, particles, settings, report, ticker(progress, 0.8, 1.0, "Exchanging light"))
+        tick = ticker(progress, 0.8, 1.0, "Exchanging light")
+        radiosity = ITERATIONS[settings.iteration](exchange, scene, particles, settings, report, tick)
     if isinstance(space, MultipoleSpace):
         report.counts.update({name: space.counts[name] for name in ("boxes", "leaves")})
         names = "pairs_valid", "pairs_partial", "pairs_invalid"

@@ -27,12 +27,13 @@ class Operator:
         self._sum, self._correction = summation, correction
 
     def apply(self, radiosity: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Irradiance (M, 3) at the receivers for the particles' radiosity (N, 3), both W/m^2."""
+        """Irradiance (M, 3) at the receivers for the particles' radiosity (N, 3), both W/m^2; linear, so that a little
+        less than nothing may be left where a correction subtracts what the sum has added.
+        """
         strengths = self._weights * radiosity
         irradiance = self._sum(strengths)
         self._correction.add(strengths, irradiance)
-        # The correction subtracts what the sum has added; truncation and rounding must not leave a negative rest.
-        return np.maximum(irradiance, 0.0)
+        return irradiance
 
 
 class Space(Protocol):
