@@ -186,9 +186,9 @@ impl Fmm {
         (outcomes.valid, outcomes.partial, outcomes.invalid)
     }
 
-    /// Rays that fill the bits of links.
-    fn link_rays<'py>(&self, py: Python<'py>, start: usize, stop: usize) -> PyResult<RayArrays<'py>> {
-        let rays = py.detach(|| self.driver.link_rays(start..stop));
+    /// Rays that fill the bits of links, in two rounds: the second wants the answers of the first.
+    fn link_rays<'py>(&self, py: Python<'py>, start: usize, stop: usize, second: bool) -> PyResult<RayArrays<'py>> {
+        let rays = py.detach(|| self.driver.link_rays(start..stop, second));
         Ok((vector(py, rays.slots), table(py, rays.origins)?, table(py, rays.directions)?))
     }
 

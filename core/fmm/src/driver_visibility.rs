@@ -99,7 +99,7 @@ impl Fmm {
         Ok(())
     }
 
-    /// The patches near the targets (M, 3), scene order, as far as the sum counts them or rays have to.
+    /// The patches near the targets (M, 3), scene order, as far as the sum counts some of their points one by one.
     pub fn near_field(
         &self,
         points: &[[f64; 3]],
@@ -109,8 +109,17 @@ impl Fmm {
     ) -> Result<NearField, Error> {
         same_length("targets", self.targets.n_points(), points.len())?;
         same_length("sources", self.sources.n_points(), patches.triangles.len() * points_per_patch)?;
+        let mut counted = vec![false; patches.triangles.len()];
+        let mut mark = |j: usize| counted[self.sources.to_scene[j] as usize / points_per_patch] = true;
+        for &s in &self.lists.near_neighbours.boxes {
+            self.sources.points_of(s as usize).for_each(&mut mark);
+        }
+        self.links.single_points(mark);
+        let reach: Vec<f64> =
+            patches.reach.iter().zip(counted).map(|(r, counted)| if counted { *r } else { 0.0 }).collect();
+        let patches = Patches { reach: &reach, ..*patches };
         let leaves = leaves_of_points(&self.targets);
-        NearField::of_some(points, normals, patches, |target, q| {
+        NearField::of_some(points, normals, &patches, |target, q| {
             let leaf = leaves[self.targets.to_tree[target] as usize];
             let first = q as usize * points_per_patch;
             !(first..first + points_per_patch).all(|j| self.gather.has(leaf, self.sources.to_tree[j]))
@@ -129,10 +138,10 @@ impl Fmm {
         &self.links
     }
 
-    /// Rays that fill the bits of the links of some leaves.
-    pub fn link_rays(&self, leaves: Range<usize>) -> Rays {
+    /// Rays that fill the bits of the links of some leaves, in two rounds as in [`Visibility::link_rays`].
+    pub fn link_rays(&self, leaves: Range<usize>, second: bool) -> Rays {
         let leaves = leaves.start..leaves.end.min(self.links.leaves.len());
-        let rays = |rounds: &Rounds| rounds.visibility.link_rays(&rounds.view, &self.links, leaves);
+        let rays = |rounds: &Rounds| rounds.visibility.link_rays(&rounds.view, &self.links, leaves, second);
         self.rounds.as_ref().map_or_else(Rays::default, rays)
     }
 

@@ -19,7 +19,10 @@ use std::sync::OnceLock;
 /// Cells along one side of a face of the cube that directions are sorted into.
 const SIDE: usize = 8;
 const CELLS: usize = 6 * SIDE * SIDE;
-/// The first two generators of the R2 sequence: Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
+/// Turn from one ray to the next, of a whole one: Vogel's spiral, which covers a disk most evenly (Vogel, "A better way to
+/// construct the sunflower head", Mathematical Biosciences 44, 1979).
+const GOLDEN: f64 = 0.618_033_988_749_894_8;
+/// The generators of the R2 sequence: Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
 const R2: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
 
 /// A target leaf with the sources that it may see in part.
@@ -111,10 +114,11 @@ impl Gather {
                 let (x, n) = (targets.positions[i], targets.normals[i]);
                 let (s, t) = tangents(n);
                 let origin = frame.start(x, n);
+                // Points next to each other have spirals of their own, so that their errors differ.
+                let [shift, turn] = R2.map(|r| (r * (i as f64 + 0.5)).fract());
                 for k in 0..self.density {
-                    // Points next to each other go on in one sequence, so that their errors differ.
-                    let at = (i * self.density + k) as f64 + 0.5;
-                    let d = cosine_direction(n, s, t, R2.map(|r| (r * at).fract()));
+                    let at = [(k as f64 + shift) / self.density as f64, GOLDEN * k as f64 + turn];
+                    let d = cosine_direction(n, s, t, at);
                     if open.directions.has(cell(d)) {
                         rays.points.push(i as u32);
                         rays.origins.push(origin);

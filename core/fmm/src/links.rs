@@ -205,13 +205,35 @@ impl Links {
         ((links.first_word + row * links.width.div_ceil(64)) * 64) as u64 + u64::from(column)
     }
 
-    /// Where the answer for the row-th point of a leaf and the run at a column goes: its bits.
-    pub fn slot(&self, links: &LeafLinks, row: usize, column: u32, run: &Run) -> u64 {
-        self.bit(links, row, column) | (run.parts.len() as u64 - 1) << SLOT_BITS
+    /// The run at a place in a leaf's row.
+    pub fn run(&self, links: &LeafLinks, place: usize) -> &Run {
+        &self.runs.runs[links.runs[place] as usize]
+    }
+
+    /// The place from which on a leaf's runs are of sources from `first` on, tree order.
+    pub fn emitters(&self, links: &LeafLinks, first: u32) -> usize {
+        links.runs.partition_point(|&run| self.runs.runs[run as usize].points.start < first)
+    }
+
+    /// Where the answer for the row-th point of a leaf and the run at a place goes: its bits.
+    pub fn slot_at(&self, links: &LeafLinks, row: usize, place: usize) -> u64 {
+        let parts = self.run(links, place).parts.len() as u64;
+        self.bit(links, row, links.columns[place]) | (parts - 1) << SLOT_BITS
+    }
+
+    /// Whether the row-th point of a leaf sees the run at a place, as far as is known.
+    pub fn is_seen(&self, links: &LeafLinks, row: usize, place: usize) -> bool {
+        self.is_set(self.bit(links, row, links.columns[place]))
     }
 
     fn is_set(&self, bit: u64) -> bool {
         self.bits[bit as usize / 64].load(Ordering::Relaxed) >> (bit % 64) & 1 == 1
+    }
+
+    /// Calls `mark` with the points of every run that is a single point: those that exact form factors can stand for.
+    pub fn single_points(&self, mut mark: impl FnMut(usize)) {
+        let single = self.runs.runs.iter().filter(|run| run.points.len() == 1);
+        single.for_each(|run| mark(run.points.start as usize));
     }
 
     /// Whether the row-th point of a target leaf sees source point j through a link that has j as a run of its own;

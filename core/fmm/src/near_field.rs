@@ -46,8 +46,8 @@ impl NearField {
         same_length("receiver normals", points.len(), normals.len())?;
         same_length("patch reach", patches.triangles.len(), patches.reach.len())?;
         let triangles: Vec<[DVec3; 3]> = patches.triangles.iter().map(|t| t.map(DVec3::from)).collect();
-        let reaches =
-            triangles.iter().zip(patches.reach).zip(0..).map(|((t, &reach), q)| within(t, reach, q)).collect();
+        let reaches = triangles.iter().zip(patches.reach).zip(0..).filter(|((_, reach), _)| **reach > 0.0);
+        let reaches = reaches.map(|((t, &reach), q)| within(t, reach, q)).collect();
         let reaches = RTree::bulk_load(reaches);
         let rows: Vec<Vec<(u32, f64, [f64; 3])>> = points
             .par_iter()

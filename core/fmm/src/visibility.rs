@@ -7,7 +7,7 @@
 //! the sources ([`crate::links`]), or where those would be too many, over the hemisphere ([`crate::gather`]).
 
 use crate::facing::{Facing, FacingTest};
-use crate::links::{Links, Weights};
+use crate::links::{Links, Run, Weights};
 use crate::lists::{ListsOptions, cells_between};
 use crate::octree::Octree;
 use crate::octree_build::EMITTERS;
@@ -21,7 +21,11 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// Whether a pair sees each other as a whole is worth no test where it decides about fewer rays.
-const FEW_RAYS: f64 = 16.0;
+const FEW_RAYS: f64 = 500.0;
+
+/// Runs of emitters of a leaf from which on not all are asked at first, and which share of them is.
+const MANY_RUNS: usize = 32;
+const STRIDE: u64 = 4;
 
 /// How much is spent on visibility.
 #[derive(Debug, Clone, Copy)]
@@ -193,21 +197,38 @@ impl Visibility {
         view.share(t, s) * (view.targets.count(t) * self.options.density) as f64
     }
 
-    /// Rays that fill the bits of some leaves' links, whose slots they have.
-    pub fn link_rays(&self, view: &View, links: &Links, leaves: Range<usize>) -> Rays {
+    /// Rays that fill the bits of some leaves' links, whose slots they have. They come in two rounds: where a leaf has many
+    /// runs of emitters, the first asks a few of them, and the second the others for points that saw some of these only.
+    pub fn link_rays(&self, view: &View, links: &Links, leaves: Range<usize>, second: bool) -> Rays {
         let mut rays = Rays::default();
         for leaf in &links.leaves[leaves] {
+            let emitters = links.emitters(leaf, view.first_emitter());
+            let stride = if leaf.runs.len() - emitters < MANY_RUNS { 1 } else { STRIDE };
+            if second && stride == 1 {
+                continue;
+            }
             for (row, i) in view.targets.points_of(leaf.leaf as usize).enumerate() {
                 let turn = hash(i as u64);
-                for (run, &column) in leaf.runs.iter().zip(&leaf.columns) {
-                    let run = &links.runs.runs[*run as usize];
-                    let random = unit(hash(turn ^ u64::from(run.points.start) << 32));
-                    let (x, n_x) = (view.targets.positions[i], view.targets.normals[i]);
-                    let j = links.runs.point(x, n_x, run, &view.weights, random);
-                    let slot = links.slot(leaf, row, column, run);
-                    if !view.push((i, j), slot, &mut rays) {
+                let first = |place: &usize| *place < emitters || (*place as u64 ^ turn).is_multiple_of(stride);
+                let draw = |place: usize| view.draw(links, links.run(leaf, place), i, turn);
+                let mut ask = |place: usize| {
+                    let slot = links.slot_at(leaf, row, place);
+                    if !view.push((i, draw(place)), slot, &mut rays) {
                         links.clear(slot);
                     }
+                };
+                if !second {
+                    (0..leaf.runs.len()).filter(first).for_each(ask);
+                    continue;
+                }
+                let known = (emitters..leaf.runs.len()).filter(first).filter(|&place| view.face(i, draw(place)));
+                let mut seen = known.map(|place| links.is_seen(leaf, row, place));
+                let one = seen.next();
+                let rest = (emitters..leaf.runs.len()).filter(|place| !first(place));
+                if one.is_none_or(|one| seen.any(|other| other != one)) {
+                    rest.for_each(&mut ask);
+                } else if one == Some(false) {
+                    rest.for_each(|place| links.clear(links.slot_at(leaf, row, place)));
                 }
             }
         }
@@ -270,13 +291,29 @@ impl View {
         }
     }
 
-    /// The ray between two points; false where they do not face each other.
+    /// The first source in tree order that emits: emitters are in boxes of their own, after all others.
+    fn first_emitter(&self) -> u32 {
+        let emitting = self.sources.roots().find(|&s| self.emits(s));
+        emitting.map_or(self.sources.n_points() as u32, |s| self.sources.points[s][0])
+    }
+
+    /// The source of a run that a point is asked to see, drawn by what it gets from there.
+    fn draw(&self, links: &Links, run: &Run, i: usize, turn: u64) -> usize {
+        let random = unit(hash(turn ^ u64::from(run.points.start) << 32));
+        links.runs.point(self.targets.positions[i], self.targets.normals[i], run, &self.weights, random)
+    }
+
+    fn face(&self, i: usize, j: usize) -> bool {
+        let (targets, sources) = (&self.targets, &self.sources);
+        facing(targets.positions[i], targets.normals[i], sources.positions[j], sources.normals[j])
+    }
+
+    /// Adds the ray between two points; false where they do not face each other.
     pub(crate) fn push(&self, (i, j): (usize, usize), slot: u64, rays: &mut Rays) -> bool {
-        let (x, n_x) = (self.targets.positions[i], self.targets.normals[i]);
-        let (y, n_y) = (self.sources.positions[j], self.sources.normals[j]);
-        let face = facing(x, n_x, y, n_y);
+        let face = self.face(i, j);
         if face {
-            let (origin, direction) = self.frame.ray(x, n_x, y, n_y);
+            let (x, n_x) = (self.targets.positions[i], self.targets.normals[i]);
+            let (origin, direction) = self.frame.ray(x, n_x, self.sources.positions[j], self.sources.normals[j]);
             rays.slots.push(slot);
             rays.origins.push(origin);
             rays.directions.push(direction);

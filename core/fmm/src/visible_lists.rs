@@ -48,9 +48,15 @@ impl Visibility {
         let mut pairs: Vec<(u32, u32)> = partial.par_iter().flat_map_iter(below).collect();
         pairs.par_sort_unstable();
         let leaves: Vec<&[(u32, u32)]> = pairs.chunk_by(|a, b| a.0 == b.0).collect();
-        let cuts: Vec<Vec<Linked>> =
-            leaves.par_iter().map(|leaf| leaf.iter().map(|&pair| (pair, self.cut(view, pair))).collect()).collect();
         let emits = |linked: &Linked| view.emits(linked.0.1 as usize);
+        let cuts_of = |leaf: &&[(u32, u32)]| -> Vec<Linked> {
+            // Emitters seldom shine all at once: a leaf that sees many of them gives each one less.
+            let emitters = leaf.iter().filter(|pair| view.emits(pair.1 as usize));
+            let total: f64 = emitters.map(|&(t, s)| view.share(t as usize, s as usize)).sum();
+            let scale = |pair: &(u32, u32)| if view.emits(pair.1 as usize) { 1.0 / total.max(1.0) } else { 1.0 };
+            leaf.iter().map(|&pair| (pair, self.cut(view, pair, scale(&pair)))).collect()
+        };
+        let cuts: Vec<Vec<Linked>> = leaves.par_iter().map(cuts_of).collect();
         let has_few = |leaf: &Vec<Linked>| {
             let runs = leaf.iter().filter(|linked| !emits(linked)).map(|(_, cut)| cut.0 as usize);
             runs.sum::<usize>() <= self.options.aimed
@@ -70,14 +76,14 @@ impl Visibility {
         Gather::new(&view.targets, &view.sources, &view.margin, open, areas, self.options.density)
     }
 
-    /// Into how many runs the source box of a link is cut, and each of these into how many parts.
-    fn cut(&self, view: &View, pair: (u32, u32)) -> Cut {
+    /// Into how many runs the source box of a link is cut, and each of these into how many parts; `scale` of its share.
+    fn cut(&self, view: &View, pair: (u32, u32), scale: f64) -> Cut {
         let (t, s) = (pair.0 as usize, pair.1 as usize);
         let points = f64::from(view.sources.count(s) as u32);
         if view.distance(t, s) < view.reach[s] {
             return (points as u32, 1);
         }
-        let (angle, share) = (view.angle(t, s), view.share(t, s));
+        let (angle, share) = (view.angle(t, s), scale * view.share(t, s));
         let count = (angle / self.options.run_angle).powi(2).max(share / self.options.share).clamp(1.0, points);
         let runs = (count as u32).next_power_of_two();
         let parts = (angle / self.options.part_angle).powi(2) / f64::from(runs);

@@ -20,7 +20,7 @@ STEPS = 3
 #: Vectors that are kept before the residual is taken anew.
 LARGEST_BASIS = 30
 #: Particles darker than this share of the mean count as this bright.
-DARK = 1e-9
+DARK = 1e-3
 
 
 def gmres(
@@ -28,7 +28,8 @@ def gmres(
 ) -> Colours:
     """Radiosity (N, 3) by GMRES (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986), the colours side by side.
 
-    Residuals are relative to each particle's own radiosity, so that a dim corner or colour counts like a bright one.
+    Residuals are relative to each particle's own radiosity, so that a dim corner or colour counts like a bright one, down
+    to a thousandth of the mean.
     Ends when no particle has more than the tolerance's share of its light still to come; or at the cap of applications,
     with a warning.
     """
@@ -56,47 +57,54 @@ def gmres(
                 f"iteration stopped after {count} steps with {remaining:.2g} of the light still to come"
             )
             break
-        scale = np.maximum(radiosity, DARK * radiosity.mean(axis=0) + np.finfo(float).tiny)
+        scale = _brightness(radiosity)
         columns = min(LARGEST_BASIS, settings.max_iterations - count - 1)
         wanted = 0.2 * settings.tolerance * (1 - min(ratio, 0.99))
         step = _solved(lambda y, scale=scale: y - reflect(scale * y) / scale, residual / scale, wanted, columns, report)
-        radiosity = np.maximum(radiosity + scale * step, 0.0)
+        radiosity = radiosity + scale * step
         residual = emission + reflect(radiosity) - radiosity
-    return radiosity
+    return np.maximum(radiosity, 0.0)
 
 
 def _solved(
     apply: Callable[[Colours], Colours], right: Colours, wanted: float, columns: int, report: Report
 ) -> Colours:
     """About the solution y (N, 3) of apply(y) = right for each colour, from a basis of at most so many vectors."""
-    norms = np.linalg.norm(right, axis=0)
-    basis = [right / np.where(norms > 0, norms, 1.0)]
-    hessenberg = np.zeros((3, columns + 1, columns))
-    goal = np.zeros((3, columns + 1))
-    goal[:, 0] = norms
+    count = len(right)
+    # A colour after the other, so that products with all vectors so far are products of matrices.
+    basis = np.zeros((3, columns + 1, count))
+    hessenberg, goal = np.zeros((3, columns + 1, columns)), np.zeros((3, columns + 1))
+    goal[:, 0] = np.linalg.norm(right, axis=0)
+    basis[:, 0] = _unit(right.T, goal[:, 0])
+    fits: list[Colours] = []
     for k in range(columns):
-        vector = apply(basis[k])
-        for i, other in enumerate(basis):
-            hessenberg[:, i, k] = (other * vector).sum(axis=0)
-            vector = vector - hessenberg[:, i, k] * other
-        norm = np.linalg.norm(vector, axis=0)
-        hessenberg[:, k + 1, k] = norm
-        basis.append(vector / np.where(norm > 0, norm, 1.0))
-        fits = [
-            np.linalg.lstsq(h[: k + 2, : k + 1], g[: k + 2], rcond=None)[0]
-            for h, g in zip(hessenberg, goal, strict=True)
-        ]
-        left = [g[: k + 2] - h[: k + 2, : k + 1] @ y for h, g, y in zip(hessenberg, goal, fits, strict=True)]
-        report.residuals.append(float(np.linalg.norm(left, axis=1).max() / np.sqrt(len(right))))
+        vector = np.ascontiguousarray(apply(np.ascontiguousarray(basis[:, k].T)).T)
+        for colour in range(3):
+            known = basis[colour, : k + 1]
+            hessenberg[colour, : k + 1, k] = known @ vector[colour]
+            vector[colour] -= hessenberg[colour, : k + 1, k] @ known
+        hessenberg[:, k + 1, k] = np.linalg.norm(vector, axis=1)
+        basis[:, k + 1] = _unit(vector, hessenberg[:, k + 1, k])
+        systems = [(h[: k + 2, : k + 1], g[: k + 2]) for h, g in zip(hessenberg, goal, strict=True)]
+        fits = [np.linalg.lstsq(h, g, rcond=None)[0] for h, g in systems]
+        left = [g - h @ fit for (h, g), fit in zip(systems, fits, strict=True)]
+        report.residuals.append(float(np.linalg.norm(left, axis=1).max() / np.sqrt(count)))
         if report.residuals[-1] <= wanted:
             break
-    return sum(vector * weights for vector, weights in zip(basis, np.transpose(fits), strict=False))
+    return np.stack([fit @ known[: len(fit)] for fit, known in zip(fits, basis, strict=True)], axis=1)
+
+
+def _unit(rows: Colours, lengths: Colours) -> Colours:
+    return rows / np.where(lengths > 0, lengths, 1.0)[:, None]
 
 
 def _largest(residual: Colours, radiosity: Colours) -> float:
     """Largest share of its radiosity that a particle lacks, in any colour."""
-    lit = radiosity > 0
-    return float((np.abs(residual[lit]) / radiosity[lit]).max(initial=0.0))
+    return float((np.abs(residual) / _brightness(radiosity)).max(initial=0.0))
+
+
+def _brightness(radiosity: Colours) -> Colours:
+    return np.maximum(radiosity, DARK * radiosity.mean(axis=0) + np.finfo(float).tiny)
 
 
 def _remaining(share: float, ratio: float) -> float:

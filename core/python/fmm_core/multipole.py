@@ -17,6 +17,8 @@ Points = NDArray[np.float64]
 
 #: An output point gets this many times the rays that a particle gets.
 EXCHANGE_SHARE = 4
+#: Particles from which on single ones matter even less.
+MANY = 20_000
 
 
 class MultipoleSpace:
@@ -106,7 +108,7 @@ class MultipoleSpace:
         rays = self._settings.rays
         if exchange:
             # What single particles get wrong averages out in what they send.
-            rays = max(10.0, rays / EXCHANGE_SHARE)
+            rays = max(10.0, rays / EXCHANGE_SHARE * min(1.0, MANY / len(self.sums.particles)) ** 0.5)
         runs = min(1.0, (200 / rays) ** 0.5)
         return 0.8 / rays, 0.4, 0.8 * runs, 0.1 * runs, 0 if exchange else round(2 * rays), round(2 * rays)
 

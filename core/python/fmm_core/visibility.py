@@ -129,9 +129,12 @@ class Occlusion:
         fmm.link(weights)
 
         def link(leaves: slice) -> int:
-            slots, origins, directions = fmm.link_rays(leaves.start, leaves.stop)
-            fmm.block(slots, self._occluded(origins, directions))
-            return len(slots)
+            count = 0
+            for second in (False, True):
+                slots, origins, directions = fmm.link_rays(leaves.start, leaves.stop, second)
+                fmm.block(slots, self._occluded(origins, directions))
+                count += len(slots)
+            return count
 
         def gather(leaves: slice) -> int:
             points, origins, directions = fmm.gather_rays(leaves.start, leaves.stop)
