@@ -130,11 +130,13 @@ def receivers(cloud: Cloud) -> NDArray[np.int64]:
 
 def errors(found: Array, exact: Array) -> dict[str, float]:
     """Relative error over receivers and colours together: L2 norm, and mean over the receivers."""
-    difference = np.linalg.norm(found - exact, axis=1)
-    return {
-        "relative_l2": float(np.linalg.norm(difference) / np.linalg.norm(exact)),
-        "mean_relative": float((difference / np.linalg.norm(exact, axis=1)).mean()),
-    }
+    shares = np.linalg.norm(found - exact, axis=1) / np.linalg.norm(exact, axis=1)
+    return {"relative_l2": relative_l2(found, exact), "mean_relative": float(shares.mean())}
+
+
+def relative_l2(found: Array, exact: Array) -> float:
+    """Norm of the difference over receivers and colours together, as a share of the exact one's."""
+    return float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
 
 
 def best(measure: Callable[[], Timed]) -> Timed:
@@ -175,6 +177,19 @@ def print_table(rows: Sequence[Row], columns: dict[str, tuple[str, str]]) -> Non
     for row in rows:
         cells = ("-" if row.get(key) is None else format(row[key], form) for key, (_, form) in columns.items())
         print("  ".join(f"{cell:>{len(title) + 2}}" for cell, (title, _) in zip(cells, columns.values(), strict=True)))
+
+
+def print_rows(rows: Sequence[Row], as_json: bool) -> None:
+    """Prints rows one a line as names and values, or all of them as JSON."""
+    if as_json:
+        print(json.dumps(rows, indent=1))
+        return
+    for row in rows:
+        print(
+            "  ".join(
+                f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}" for key, value in row.items()
+            )
+        )
 
 
 def write_json(path: Path | None, content: object) -> None:
