@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import fmm_core
 import numpy as np
@@ -58,6 +58,22 @@ class Timed:
     def whole(self) -> float:
         """Seconds from points to values."""
         return self.setup + self.application
+
+
+class Cost(NamedTuple):
+    """What a piece of work took: seconds, and seconds of all cores together, which a busy machine changes less."""
+
+    seconds: float
+    core_seconds: float
+
+    @classmethod
+    def now(cls) -> "Cost":
+        """Since any moment."""
+        return cls(time.perf_counter(), time.process_time())
+
+    def since(self, start: "Cost") -> "Cost":
+        """From one `now` to a later one."""
+        return Cost(self.seconds - start.seconds, self.core_seconds - start.core_seconds)
 
 
 def cornell_room(count: int) -> Cloud:

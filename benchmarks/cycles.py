@@ -10,7 +10,8 @@ vertex, sees whichever face is nearer.
 Cycles bakes one joined mesh (separate objects cost it more), direct and indirect, 32 bounces, nothing clamped, light
 tree off, its faster setting here. Its error falls with the square root of the samples and its seconds grow linearly;
 both are fitted to the measured bakes, and the mismatches are the largest relative distances from the fits. From these
-follow the samples and the seconds that it takes to our error.
+follow the samples and the seconds that it takes to our error, and how many times ours these are (`ratio`; `core_ratio`
+is that of the seconds of all cores together, which is to be believed where the machine has other work).
 
 Our seconds are those from arrays to irradiance: scene, output points (one for each vertex and normal), solve and
 gather, through the public API. A small solve and a small bake before the timing load libraries and tables. Each engine
@@ -28,13 +29,12 @@ import json
 import os
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from common import Array, Row, in_child, print_rows, relative_l2
+from common import Array, Cost, Row, in_child, print_rows, relative_l2
 from cycles_bake import Mesh, bake, gridded
 from fmm_core import Scene, Settings, solve
 from fmm_core.report import peak_memory_mib
@@ -64,15 +64,15 @@ def clutter_mesh(vertices: int, objects: int = 72) -> Mesh:
 def ours(mesh: Mesh, settings: Settings, sample: NDArray[np.int64]) -> Row:
     """Our irradiance (S, 3) W/m^2 at the sampled corners, seconds and memory; to run in a fresh process."""
     warm_up(settings)
-    start = time.perf_counter()
-    scene, points = mesh.scene(), mesh.output_points()
-    prepared = time.perf_counter() - start
-    solution, irradiance, seconds = timed_bake(scene, settings, (points.points, points.normals))
+    start = Cost.now()
+    points = mesh.output_points()
+    solution, irradiance, _ = timed_bake(mesh.scene(), settings, (points.points, points.normals))
+    cost = Cost.now().since(start)
     return {
         "irradiance": irradiance[points.inverse[sample]],
         "points": len(points.points),
         "particles": len(solution.particles),
-        "seconds": prepared + seconds,
+        "cost": cost,
         "memory_mib": peak_memory_mib(),
     }
 
@@ -89,8 +89,8 @@ def cycles(mesh: Mesh, samples: Sequence[int], threads: int, sample: NDArray[np.
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     sys.path.remove(str(Path(__file__).parent))
     bake(cornell_mesh(100), [1], threads)
-    irradiance, seconds = bake(mesh, samples, threads)
-    return {"irradiance": irradiance[:, sample], "seconds": seconds, "memory_mib": peak_memory_mib()}
+    irradiance, costs = bake(mesh, samples, threads)
+    return {"irradiance": irradiance[:, sample], "costs": costs, "memory_mib": peak_memory_mib()}
 
 
 def truth(scene: Scene, points: tuple[Array, Array], settings: Settings, cache: Path) -> Array:
@@ -142,40 +142,44 @@ def fit_seconds(samples: Sequence[int], measured: Sequence[float]) -> tuple[floa
     return float(a), float(b), float(np.abs(columns @ [a, b] - 1).max())
 
 
-def compare(name: str, mesh: Mesh, coarse: Scene, options: argparse.Namespace) -> list[Row]:
-    """A row for each bake of Cycles, one for ours, and one that compares them.
+def judges(mesh: Mesh, coarse: Scene, options: argparse.Namespace) -> tuple[NDArray[np.int64], Array]:
+    """Corners (S,) to judge at, and their true irradiance (S, 3) W/m^2.
 
-    coarse: the same surfaces in fewer triangles, from which the truth is computed.
+    coarse: the same surfaces in as few triangles as there can be, from which the truth is computed.
     """
     interior = mesh.interior_corners()
     sample = np.random.default_rng(0).choice(interior, min(options.sample, len(interior)), replace=False)
     points = mesh.output_points()
-    chosen = points.inverse[sample]
+    rows = points.inverse[sample]
     fine = Settings(particles=options.truth_particles, rays=options.truth_rays, method=options.truth_method, probes=0)
-    exact = truth(coarse, (points.points[chosen], points.normals[chosen]), fine, options.cache)
+    return sample, truth(coarse, (points.points[rows], points.normals[rows]), fine, options.cache)
 
-    settings = Settings(particles=options.particles, rays=options.rays, probes=0)
-    own = in_child(ours, mesh, settings, sample)
+
+def compare(name: str, mesh: Mesh, coarse: Scene, options: argparse.Namespace) -> list[Row]:
+    """A row for each bake of Cycles, one for ours, and one that compares them; coarse as in `judges`."""
+    sample, exact = judges(mesh, coarse, options)
+    own = in_child(ours, mesh, Settings(particles=options.particles, rays=options.rays, probes=0), sample)
     their = in_child(cycles, mesh, options.samples, options.threads, sample)
-    found = [relative_l2(irradiance, exact) for irradiance in their["irradiance"]]
     head = {"scene": name, "vertices": mesh.vertex_count, "corners": len(mesh.corners)}
-    rows: list[Row] = [
-        head | {"engine": "cycles", "samples": count, "l2_error": error, "seconds": seconds}
-        for count, error, seconds in zip(options.samples, found, their["seconds"], strict=True)
+    error, cost = relative_l2(own.pop("irradiance"), exact), own.pop("cost")
+    own = head | {"engine": "ours", "rays": options.rays, "l2_error": error} | cost._asdict() | own
+    bakes, costs = their["irradiance"], their["costs"]
+    found = [relative_l2(irradiance, exact) for irradiance in bakes]
+    rows = [
+        head | {"engine": "cycles", "samples": count, "l2_error": one} | spent._asdict()
+        for count, one, spent in zip(options.samples, found, costs, strict=True)
     ]
-    error = relative_l2(own.pop("irradiance"), exact)
-    rows.append(head | {"engine": "ours", "rays": settings.rays, "l2_error": error} | own)
-    fits = equal_error(options.samples, found, their["seconds"], error, own["seconds"])
-    memory = {"cycles_memory_mib": their["memory_mib"]}
-    return [*rows, head | {"engine": "both"} | bias(their["irradiance"], options.samples, exact) | fits | memory]
+    both = head | {"engine": "both", "cycles_memory_mib": their["memory_mib"]} | bias(bakes, options.samples, exact)
+    return [*rows, own, both | equal_error(options.samples, found, costs, error, cost)]
 
 
 def equal_error(
-    samples: Sequence[int], measured: Sequence[float], seconds: Sequence[float], error: float, own: float
+    samples: Sequence[int], measured: Sequence[float], costs: Sequence[Cost], error: float, own: Cost
 ) -> Row:
-    """The fits of Cycles, and how much longer than our `own` seconds it takes to our error, and to 1 %."""
+    """The fits of Cycles, and how many times our `own` cost it takes to our error, and to 1 %."""
     c, error_mismatch = fit_errors(samples, measured)
-    a, b, seconds_mismatch = fit_seconds(samples, seconds)
+    a, b, seconds_mismatch = fit_seconds(samples, [cost.seconds for cost in costs])
+    core_a, core_b, _ = fit_seconds(samples, [cost.core_seconds for cost in costs])
     row: Row = {
         "error_of_one_sample": c,
         "error_mismatch": error_mismatch,
@@ -187,7 +191,8 @@ def equal_error(
     for name, bar in wanted.items():
         count = (c / bar) ** 2
         row |= {f"{name}_error": bar, f"{name}_samples": count, f"{name}_seconds": a + b * count}
-        row[f"{name}_ratio"] = row[f"{name}_seconds"] / own
+        row[f"{name}_ratio"] = (a + b * count) / own.seconds
+        row[f"{name}_core_ratio"] = (core_a + core_b * count) / own.core_seconds
     return row
 
 

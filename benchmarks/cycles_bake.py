@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from common import Array
+from common import Array, Cost
 from fmm_core import OutputPoints, Scene, output_points
 from numpy.typing import NDArray
 
@@ -96,8 +95,8 @@ def gridded(triangles: Array, vertices: int) -> tuple[Array, NDArray[np.int64]]:
     return np.concatenate(faces), np.concatenate(owners)
 
 
-def bake(mesh: Mesh, samples: Sequence[int], threads: int) -> tuple[Array, list[float]]:
-    """Irradiance (B, C, 3) W/m^2 at the corners by Cycles, and seconds, of a bake for each number of samples.
+def bake(mesh: Mesh, samples: Sequence[int], threads: int) -> tuple[Array, list[Cost]]:
+    """Irradiance (B, C, 3) W/m^2 at the corners by Cycles, and the cost, of a bake for each number of samples.
 
     Each bake has a seed of its own. Backs are black, as the core takes them; that does not make Cycles slower.
     """
@@ -108,14 +107,14 @@ def bake(mesh: Mesh, samples: Sequence[int], threads: int) -> tuple[Array, list[
     bpy.context.scene.render.threads_mode = "FIXED"
     bpy.context.scene.render.threads = threads
     obj = build(mesh)
-    irradiance, seconds = np.empty((len(samples), len(mesh.corners), 3)), []
+    irradiance, costs = np.empty((len(samples), len(mesh.corners), 3)), []
     for seed, count in enumerate(samples):
         bpy.context.scene.cycles.samples, bpy.context.scene.cycles.seed = count, seed
-        start = time.perf_counter()
+        start = Cost.now()
         bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT", "INDIRECT"})
-        seconds.append(time.perf_counter() - start)
+        costs.append(Cost.now().since(start))
         irradiance[seed] = np.pi * baked_colours(obj.data)
-    return irradiance, seconds
+    return irradiance, costs
 
 
 def unbiased(scene: bpy.types.Scene) -> None:
