@@ -9,9 +9,11 @@ vertex, sees whichever face is nearer.
 
 Cycles bakes one joined mesh (separate objects cost it more), direct and indirect, 32 bounces, nothing clamped, light
 tree off, its faster setting here. Its error falls with the square root of the samples and its seconds grow linearly;
-both are fitted to the measured bakes, and the mismatches are the largest relative distances from the fits. From these
-follow the samples and the seconds that it takes to our error, and how many times ours these are (`ratio`; `core_ratio`
-is that of the seconds of all cores together, which is to be believed where the machine has other work).
+both are fitted to the measured bakes, and the mismatches are the largest relative distances from the fits. The exponent
+of a free fit is near -1/2, a little below at first: bakes of 4 to 64 samples alone overstate by a fifth what 1 % takes
+it, so give it large counts. From the fits follow the samples and the seconds that it takes to our error, and how many
+times ours these are (`ratio`; `core_ratio` is that of the seconds of all cores together, which is to be believed where
+the machine has other work).
 
 Our seconds are those from arrays to irradiance: scene, output points (one for each vertex and normal), solve and
 gather, through the public API. A small solve and a small bake before the timing load libraries and tables. Each engine
@@ -183,6 +185,7 @@ def equal_error(
     row: Row = {
         "error_of_one_sample": c,
         "error_mismatch": error_mismatch,
+        "error_exponent": float(np.polyfit(np.log(samples), np.log(measured), 1)[0]) if len(samples) > 1 else None,
         "start_seconds": a,
         "seconds_a_sample": b,
         "seconds_mismatch": seconds_mismatch,
@@ -210,7 +213,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
     parser.add_argument("--vertices", type=int, help=f"about how many; {json.dumps(VERTICES)}")
     parser.add_argument("--objects", type=int, default=72, help="in the clutter")
-    parser.add_argument("--samples", type=int, nargs="+", default=[4, 16, 64], help="of Cycles, one bake each")
+    parser.add_argument("--samples", type=int, nargs="+", default=[16, 64, 256], help="of Cycles, one bake each")
     parser.add_argument("--threads", type=int, default=os.cpu_count(), help="of Cycles; ours takes all")
     parser.add_argument("--particles", type=int, help="of our solve; the core's choice")
     parser.add_argument("--rays", type=int, default=Settings().rays, help="of our solve, a receiver")
