@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import fmm_core
 import numpy as np
@@ -58,6 +58,22 @@ class Timed:
     def whole(self) -> float:
         """Seconds from points to values."""
         return self.setup + self.application
+
+
+class Cost(NamedTuple):
+    """What a piece of work took: seconds, and seconds of all cores together, which a busy machine changes less."""
+
+    seconds: float
+    core_seconds: float
+
+    @classmethod
+    def now(cls) -> "Cost":
+        """Since any moment."""
+        return cls(time.perf_counter(), time.process_time())
+
+    def since(self, start: "Cost") -> "Cost":
+        """From one `now` to a later one."""
+        return Cost(self.seconds - start.seconds, self.core_seconds - start.core_seconds)
 
 
 def cornell_room(count: int) -> Cloud:
@@ -130,11 +146,13 @@ def receivers(cloud: Cloud) -> NDArray[np.int64]:
 
 def errors(found: Array, exact: Array) -> dict[str, float]:
     """Relative error over receivers and colours together: L2 norm, and mean over the receivers."""
-    difference = np.linalg.norm(found - exact, axis=1)
-    return {
-        "relative_l2": float(np.linalg.norm(difference) / np.linalg.norm(exact)),
-        "mean_relative": float((difference / np.linalg.norm(exact, axis=1)).mean()),
-    }
+    shares = np.linalg.norm(found - exact, axis=1) / np.linalg.norm(exact, axis=1)
+    return {"relative_l2": relative_l2(found, exact), "mean_relative": float(shares.mean())}
+
+
+def relative_l2(found: Array, exact: Array) -> float:
+    """Norm of the difference over receivers and colours together, as a share of the exact one's."""
+    return float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
 
 
 def best(measure: Callable[[], Timed]) -> Timed:
@@ -175,6 +193,19 @@ def print_table(rows: Sequence[Row], columns: dict[str, tuple[str, str]]) -> Non
     for row in rows:
         cells = ("-" if row.get(key) is None else format(row[key], form) for key, (_, form) in columns.items())
         print("  ".join(f"{cell:>{len(title) + 2}}" for cell, (title, _) in zip(cells, columns.values(), strict=True)))
+
+
+def print_rows(rows: Sequence[Row], as_json: bool) -> None:
+    """Prints rows one a line as names and values, or all of them as JSON."""
+    if as_json:
+        print(json.dumps(rows, indent=1))
+        return
+    for row in rows:
+        print(
+            "  ".join(
+                f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}" for key, value in row.items()
+            )
+        )
 
 
 def write_json(path: Path | None, content: object) -> None:

@@ -5,10 +5,10 @@ uv run python benchmarks/scenes.py [--json] [--scene cornell clutter growth]
 """
 
 import argparse
-import json
 import time
 
 import numpy as np
+from common import print_rows
 from fmm_core import Scene, Settings, Solution, solve
 from fmm_core.direct import DirectSpace
 from numpy.typing import NDArray
@@ -189,15 +189,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
     options = parser.parse_args()
     rows = [row for name in options.scene for row in runs[name]()]
-    if options.json:
-        print(json.dumps(rows, indent=1))
-        return
-    for row in rows:
-        print(
-            "  ".join(
-                f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}" for key, value in row.items()
-            )
-        )
+    print_rows(rows, options.json)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ is asked for.
 
 import importlib
 import sys
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -32,16 +33,10 @@ def main(scene: str, samples: int, seeds: int, out: str) -> None:
 
 
 def prepare_cycles(samples: int) -> None:
-    """Cycles without any bias: all bounces, no clamping, no light tree (which is slower here)."""
-    scene = bpy.context.scene
-    scene.render.engine = "CYCLES"
-    scene.cycles.samples = samples
-    scene.cycles.use_light_tree = False
-    scene.cycles.use_adaptive_sampling = False
-    scene.cycles.use_denoising = False
-    scene.cycles.max_bounces = scene.cycles.diffuse_bounces = 32
-    scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0
-    scene.render.bake.target = "VERTEX_COLORS"
+    """Cycles without any bias, as the benchmark against it has it."""
+    sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
+    importlib.import_module("cycles_bake").unbiased(bpy.context.scene)
+    bpy.context.scene.cycles.samples = samples
 
 
 def cycles_bake(arrays: object, seed: int) -> np.ndarray:
