@@ -100,12 +100,12 @@ impl Fmm {
         self.driver.n_blockers()
     }
 
-    /// Makes visible lists: areas, weights, reach and radii (N,) of the sources, frame as (centre,
+    /// Makes visible lists: areas, weights, reach, coarse and radii (N,) of the sources, frame as (centre,
     /// scale, offset), effort as (share, angle, run_angle, part_angle, aimed, density). Whether `link` wants to know how open sources are.
     fn occlude(
         &mut self,
         py: Python,
-        sources: [PyReadonlyArray1<f64>; 4],
+        sources: [PyReadonlyArray1<f64>; 5],
         frame: ([f64; 3], f64, f64),
         effort: (f64, f64, f64, f64, usize, usize),
     ) -> PyResult<bool> {
@@ -113,9 +113,15 @@ impl Fmm {
         let (share, angle, run_angle, part_angle, aimed, density) = effort;
         let options = VisibilityOptions { share, angle, run_angle, part_angle, aimed, density };
         let frame = Frame { centre, scale, offset };
-        let [areas, weights, reach, radii] = &sources;
-        let scene =
-            Occluded { frame, areas: flat(areas)?, weights: flat(weights)?, reach: flat(reach)?, radii: flat(radii)? };
+        let [areas, weights, reach, coarse, radii] = &sources;
+        let scene = Occluded {
+            frame,
+            areas: flat(areas)?,
+            weights: flat(weights)?,
+            reach: flat(reach)?,
+            coarse: flat(coarse)?,
+            radii: flat(radii)?,
+        };
         py.detach(|| self.driver.occlude(&scene, options)).map_err(value_error)
     }
 
@@ -267,6 +273,18 @@ impl Surface {
         let surface = ::fmm::surface::Surface::new(triangles(&scene)?, flat(&edges)?, halves, rule, patches);
         Ok(Surface { surface: surface.map_err(value_error)? })
     }
+}
+
+/// The group (T,) of each triangle (T, 3, 3) of so many kinds (T,), at most about `count` of them.
+#[pyfunction]
+pub fn group<'py>(
+    py: Python<'py>,
+    scene: PyReadonlyArray3<f64>,
+    kinds: PyReadonlyArray1<u32>,
+    count: usize,
+) -> PyResult<Bound<'py, PyArray1<u32>>> {
+    let (triangles, kinds) = (triangles(&scene)?, flat(&kinds)?);
+    Ok(vector(py, py.detach(|| ::fmm::groups::group(triangles, kinds, count)).map_err(value_error)?))
 }
 
 /// Scene numbers (N,) of points in the order of an octree: any run of them lies close together.

@@ -79,6 +79,7 @@ impl Cells {
             softening: Vec::new(),
             // Cells decide about all pairs, however near.
             reach: vec![0.0; sources.n_boxes()],
+            coarse: Vec::new(),
             margin: Vec::new(),
             blockers: Blockers::default(),
             ends: [Vec::new(), Vec::new()],

@@ -25,6 +25,8 @@ pub struct Occluded<'a> {
     pub weights: &'a [f64],
     /// (N,) distance within which a source counts by itself, scene order.
     pub reach: &'a [f64],
+    /// (N,) distance within which a source stands for too much surface to be summed at all, scene order.
+    pub coarse: &'a [f64],
     /// (N,) how far from it the surface that a source stands for goes, scene order.
     pub radii: &'a [f64],
 }
@@ -55,7 +57,7 @@ impl Fmm {
     /// to rays over the hemispheres of the points of open leaves. Whether rays are aimed at sources that do not emit, so
     /// that links want to know how open these are.
     pub fn occlude(&mut self, scene: &Occluded, options: VisibilityOptions) -> Result<bool, Error> {
-        for values in [scene.areas, scene.weights, scene.reach, scene.radii] {
+        for values in [scene.areas, scene.weights, scene.reach, scene.coarse, scene.radii] {
             same_length("what is known of the sources", self.sources.n_points(), values.len())?;
         }
         let in_tree = |values: &[f64]| self.sources.to_scene.iter().map(|&j| values[j as usize]).collect::<Vec<f64>>();
@@ -74,6 +76,7 @@ impl Fmm {
             weights: Weights::new(&in_tree(scene.weights)),
             softening: self.softening.clone(),
             reach: largest(scene.reach),
+            coarse: largest(scene.coarse),
             margin: largest(scene.radii),
             blockers: std::mem::take(&mut self.blockers),
             ends: [ends(&self.targets), ends(&self.sources)],

@@ -13,6 +13,7 @@ pub mod expansion;
 pub mod facing;
 pub mod form_factor;
 pub mod gather;
+pub mod groups;
 pub mod links;
 pub mod lists;
 mod lists_batches;

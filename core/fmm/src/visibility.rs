@@ -100,6 +100,8 @@ pub struct View {
     pub softening: Vec<f64>,
     /// (B,): nearer than that the points of a source box count one by one.
     pub reach: Vec<f64>,
+    /// (B,): nearer than that a source box is never summed, because its points stand for too much surface.
+    pub coarse: Vec<f64>,
     /// (B,): how far the surface that points of a source box stand for goes beyond them.
     pub margin: Vec<f64>,
     pub blockers: Blockers,
@@ -238,7 +240,12 @@ impl Visibility {
 
 impl View {
     fn is_clear(&self, t: usize, s: usize) -> bool {
-        self.blockers.are_clear(&self.ends[0][t], &self.ends[1][s])
+        !self.is_coarse(t, s) && self.blockers.are_clear(&self.ends[0][t], &self.ends[1][s])
+    }
+
+    /// Whether points of a source box stand for too much surface to be summed at a target box.
+    pub(crate) fn is_coarse(&self, t: usize, s: usize) -> bool {
+        self.distance(t, s) < self.coarse[s]
     }
 
     /// Whether a source box holds emitters, which have boxes of their own.

@@ -66,7 +66,8 @@ impl Visibility {
         let mut open = Vec::new();
         for (leaf, few) in cuts.into_iter().zip(few) {
             for linked in leaf {
-                if emits(&linked) || (few && self.aims) {
+                let (t, s) = (linked.0.0 as usize, linked.0.1 as usize);
+                if emits(&linked) || (few && self.aims && !view.is_coarse(t, s)) {
                     self.linked.push(linked);
                 } else {
                     open.push(linked.0);

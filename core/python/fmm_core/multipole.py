@@ -15,6 +15,8 @@ from .transport import Operator, Sums
 Points = NDArray[np.float64]
 
 
+#: Points in a leaf for so many particles: with shadows leaves cost more than pairs of points.
+LEAF_POINTS, LEAF_PARTICLES = 64, 20_000
 #: An output point gets this many times the rays that a particle gets.
 EXCHANGE_SHARE = 4
 #: Particles from which on single ones matter even less.
@@ -33,8 +35,8 @@ class MultipoleSpace:
     def __init__(self, sums: Sums, settings: Settings) -> None:
         self.sums, self._settings = sums, settings
         particles = sums.particles
-        self.grouping = settings.grouping or 1
-        if settings.grouping is None and settings.level is None:
+        self.grouping = settings.grouping or LEAF_POINTS * max(1, round(len(particles) / LEAF_PARTICLES))
+        if settings.grouping is None and settings.level is None and sums.occlusion is None:
             self.grouping = choose_grouping(particles.positions, particles.normals, settings)
         self.counts: dict[str, int] = {}
         self.pairs = (0, 0, 0)
@@ -95,7 +97,7 @@ class MultipoleSpace:
             return False
         tick(0.2)
         weights, radii = particles.visibility_weights, particles.of_points(particles.radii)
-        sources = particles.weights, weights, self.sums.reach, radii
+        sources = particles.weights, weights, self.sums.reach, self.sums.coarse, radii
         if occlusion.occlude(fmm, sources, self._effort(exchange)):
             if self._openness is None:
                 self._openness = occlusion.openness(particles.positions, particles.normals, weights)

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Triangles to patches and Gaussian quadrature points (section 3 of the paper, eq 12)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _binding
 from .arrays import ROUNDING
 from .quadrature import triangle_rule
 from .scene import Scene
@@ -16,8 +18,13 @@ EMITTER_SHARE = 0.1
 SLIVER = 50.0
 #: Softening of the point kernel, in patch radii: far below any distance at which it is used unreplaced.
 SOFTENING = 1e-3
+#: Tells rows of surface properties apart by one number each.
+_SPREAD = np.random.default_rng(0).random(7)
 #: What a leaf of the bisection names where there is no patch.
 NO_PATCH = np.uint32(0xFFFFFFFF)
+
+
+Buried = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True)
@@ -27,6 +34,8 @@ class Particles:
     positions, normals (N, 3); weights (N,) in units of area; triangle (N,) row of the scene; emits (N,) whether that
     emits strongly; per_patch int
     patches (P, 3, 3) corners; areas (P,); radii (P,) from centroid to farthest corner
+    whole (P,) whether the patch is all that its points stand for: where a mesh is finer than the light needs, a
+    patch is one triangle of a group of them, and areas and radii are those of the group
     rule (per_patch, 3) barycentric coordinates of the points of a patch
     edges (K,), parts (K, 2) the bisection of the scene's triangles, as the core's `Surface` takes it
     """
@@ -40,6 +49,7 @@ class Particles:
     patches: NDArray[np.float64]
     areas: NDArray[np.float64]
     radii: NDArray[np.float64]
+    whole: NDArray[np.bool_]
     rule: NDArray[np.float64]
     edges: NDArray[np.int8]
     parts: NDArray[np.uint32]
@@ -66,28 +76,35 @@ class Particles:
         return np.repeat(of_patches, self.per_patch)
 
 
-def make_particles(scene: Scene, count: int, degree: int) -> Particles:
-    """About `count` quadrature points of the given degree; at least one patch a triangle."""
+def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None = None) -> Particles:
+    """About `count` quadrature points of the given degree.
+
+    At least one patch a triangle, unless `buried` is given: then triangles finer than patches have to be share one, that
+    of a triangle which is not buried in an object. buried: from points and unit normals (M, 3) to bool (M,).
+    """
     barycentric, shares = triangle_rule(degree)
-    cut = _cut(scene, _edge_limits(scene, count / len(shares)))
+    wanted = count / len(shares)
+    cut, emits = _cut(scene, _edge_limits(scene, wanted)), strong_emitters(scene)
+    if buried is not None and len(cut.patches) > 2 * wanted:
+        cut = _grouped(scene, cut, emits, wanted, buried)
     front, triangle = cut.patches, cut.triangle
     back = np.flatnonzero(scene.two_sided[triangle])
     patches = np.concatenate([front, front[back][:, [0, 2, 1]]])
     triangle = np.concatenate([triangle, triangle[back]])
-    areas, radii = (np.concatenate([values, values[back]]) for values in (cut.areas, cut.radii))
+    areas, radii, whole = (np.concatenate([values, values[back]]) for values in (cut.areas, cut.radii, cut.whole))
 
-    cross = np.cross(patches[:, 1] - patches[:, 0], patches[:, 2] - patches[:, 0])
     per_patch = len(shares)
     return Particles(
         positions=np.einsum("kc,pcx->pkx", barycentric, patches).reshape(-1, 3),
-        normals=np.repeat(cross / np.linalg.norm(cross, axis=1, keepdims=True), per_patch, axis=0),
+        normals=np.repeat(_normals(patches), per_patch, axis=0),
         weights=(areas[:, None] * shares).ravel(),
         triangle=np.repeat(triangle, per_patch),
-        emits=np.repeat(strong_emitters(scene)[triangle], per_patch),
+        emits=np.repeat(emits[triangle], per_patch),
         per_patch=per_patch,
         patches=np.ascontiguousarray(patches),
         areas=areas,
         radii=radii,
+        whole=whole,
         rule=barycentric,
         edges=cut.edges,
         parts=_with_backs(cut, back),
@@ -109,8 +126,14 @@ class _Cut:
     triangle: NDArray[np.int64]
     areas: NDArray[np.float64]
     radii: NDArray[np.float64]
+    whole: NDArray[np.bool_]
     edges: NDArray[np.int8]
     parts: NDArray[np.uint32]
+
+
+def _normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return cross / np.linalg.norm(cross, axis=1, keepdims=True)
 
 
 def _areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -126,6 +149,50 @@ def _with_backs(cut: _Cut, back: NDArray[np.int64]) -> NDArray[np.uint32]:
     parts = cut.parts.copy()
     parts[leaves, 1] = backs[parts[leaves, 0]]
     return parts
+
+
+def _grouped(scene: Scene, cut: _Cut, emits: NDArray[np.bool_], wanted: float, buried: Buried) -> _Cut:
+    """The same with one patch for each group of uncut triangles that do not stand out as emitters."""
+    count = len(scene.triangles)
+    fine = np.flatnonzero((cut.edges[:count] < 0) & ~emits)
+    if len(fine) == 0:
+        return cut
+    area = _areas(scene.triangles[fine])
+    kinds = np.column_stack([scene.albedo, scene.emission, scene.two_sided])[fine]
+    kinds = np.unique((kinds * _SPREAD).sum(axis=1), return_inverse=True)[1].astype(np.uint32)
+    share = area.sum() / _areas(scene.triangles).sum()
+    group = _binding.group(np.ascontiguousarray(scene.triangles[fine]), kinds, max(1, round(wanted * share)))
+
+    areas = np.bincount(group, area)
+    centres = scene.triangles[fine].mean(axis=1)
+    means = np.stack([np.bincount(group, area * centres[:, axis]) for axis in range(3)], axis=1) / areas[:, None]
+    off_centre = np.linalg.norm(centres - means[group], axis=1)
+    # The triangle nearest to the mean stands for its group, of those that are not inside another object if there are any:
+    # what is inside is seen by nobody.
+    several, inside = np.bincount(group)[group] > 1, np.zeros(len(fine), bool)
+    inside[several] = buried(centres[several], _normals(scene.triangles[fine[several]]))
+    order = np.lexsort([off_centre, inside, group])
+    chosen = order[np.unique(group[order], return_index=True)[1]]
+    spread = np.linalg.norm(scene.triangles[fine] - centres[chosen][group][:, None], axis=2).max(axis=1)
+    radii = np.zeros(len(areas))
+    np.maximum.at(radii, group, spread)
+
+    kept = np.ones(len(cut.patches), bool)
+    kept[cut.parts[fine, 0]] = False
+    number = np.cumsum(kept) - 1
+    parts, leaves = cut.parts.copy(), cut.edges < 0
+    parts[leaves, 0] = number[parts[leaves, 0]]
+    parts[fine, 0] = np.count_nonzero(kept) + group
+    members = np.bincount(group)
+    return _Cut(
+        patches=np.concatenate([cut.patches[kept], scene.triangles[fine[chosen]]]),
+        triangle=np.concatenate([cut.triangle[kept], fine[chosen]]),
+        areas=np.concatenate([cut.areas[kept], areas]),
+        radii=np.concatenate([cut.radii[kept], radii]),
+        whole=np.concatenate([cut.whole[kept], members == 1]),
+        edges=cut.edges,
+        parts=parts,
+    )
 
 
 def _edge_limits(scene: Scene, patch_count: float) -> NDArray[np.float64]:
@@ -163,6 +230,7 @@ def _cut(scene: Scene, limits: NDArray[np.float64]) -> _Cut:
         triangle=np.concatenate(owners),
         areas=_areas(patches),
         radii=np.linalg.norm(patches - centroids, axis=2).max(axis=1),
+        whole=np.ones(len(patches), bool),
         edges=np.concatenate(edges_of_nodes),
         parts=np.concatenate(parts),
     )

@@ -20,8 +20,8 @@ class Settings:
     """Settings of a solve; a wrong value raises `Error` naming the option and the value.
 
     truncation      order p at which expansions are cut, 0 to 20 (section 2.2 of the paper)
-    grouping        at most s particles in a leaf of the octree, 1 or more (section 4, step 1), or None to choose the
-                    cheapest s by the cost model
+    grouping        at most s particles in a leaf of the octree, 1 or more (section 4, step 1), or None to choose s
+                    by the number of particles, and where there are no shadows by the cost model
     target_error    wanted relative error of the irradiance, between 0 and 1, or None
     method          "fmm": the fast multipole method; "direct": every particle with every other one, the reference;
                     None: direct where there are few particles, which takes no longer there
@@ -48,7 +48,7 @@ class Settings:
     """
 
     truncation: int = 4
-    grouping: int | None = 64
+    grouping: int | None = None
     target_error: float | None = None
     method: str | None = None
     visibility: str = "rays"

@@ -17,6 +17,8 @@ from .visibility import Occlusion
 
 #: Quadrature points that a scene of few triangles is cut into when the user leaves the number open.
 AUTOMATIC_PARTICLES = 1200
+#: And one of many.
+MOST_AUTOMATIC = 20_000
 #: Particles up to which the direct method is chosen where the user leaves it open.
 FEW_PARTICLES = 5000
 
@@ -38,15 +40,17 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solut
     report = Report(settings, scene)
     if settings.target_error is not None:
         report.warnings.append(f"target_error {settings.target_error:g} is not used yet")
-    with report.time("tree"):
-        count = settings.particles or AUTOMATIC_PARTICLES
-        degree = settings.quadrature or (2 if len(scene.triangles) < count else 1)
-        particles = make_particles(scene, count, degree)
-    report.counts.update(triangles=len(scene.triangles), particles=len(particles))
+    triangles = len(scene.triangles)
     with report.time("visibility"):
         occlusion = Occlusion(scene) if settings.visibility != "none" else None
-    few = settings.method is None and settings.visibility != "cells" and len(particles) <= FEW_PARTICLES
-    multipole = settings.method != "direct" and not few
+    with report.time("tree"):
+        count = settings.particles or min(max(AUTOMATIC_PARTICLES, triangles), MOST_AUTOMATIC)
+        few = settings.method is None and settings.visibility != "cells" and max(count, triangles) <= FEW_PARTICLES
+        multipole = settings.method != "direct" and not few
+        degree = settings.quadrature or (2 if triangles < count else 1)
+        buried = occlusion.buried if multipole and settings.visibility == "rays" else None
+        particles = make_particles(scene, count, degree, buried)
+    report.counts.update(triangles=triangles, particles=len(particles))
     single = 6.0 if multipole and occlusion else 12.0
     sums = Sums(particles, occlusion, settings.near_reach or (single if degree == 1 else 4.0))
     with report.time("lists" if multipole else "visibility"):

@@ -14,6 +14,10 @@ from .progress import Tick, silent
 from .visibility import Occlusion
 
 
+#: A group of triangles is one source from so many of its radii on.
+COARSE = 4.0
+
+
 class Operator:
     """A sum over point sources, corrected where patches are so near that only their exact form factor will do."""
 
@@ -62,7 +66,8 @@ class Sums:
 
     def __init__(self, particles: Particles, occlusion: Occlusion | None, near_reach: float) -> None:
         self.particles, self.occlusion = particles, occlusion
-        self._reach = (1 + ROUNDING) * near_reach * particles.radii
+        # A group of triangles has no exact form factor: what is so near is found by rays.
+        self._reach = (1 + ROUNDING) * near_reach * particles.radii * particles.whole
         self.sources = _binding.Sources(
             particles.positions, particles.normals, particles.softening, particles.areas, particles.per_patch
         )
@@ -71,6 +76,11 @@ class Sums:
     def reach(self) -> NDArray[np.float64]:
         """(N,) distance from a particle beyond which its patch is never near."""
         return self.particles.of_points(self._reach + self.particles.radii)
+
+    @property
+    def coarse(self) -> NDArray[np.float64]:
+        """(N,) distance within which a particle stands for too much surface to be one source; 0 for a whole patch."""
+        return self.particles.of_points(np.where(self.particles.whole, 0.0, COARSE * self.particles.radii))
 
     @property
     def rays(self) -> int:

@@ -31,6 +31,8 @@ OFFSET = 2e-6
 BLOCK_PAIRS = 1 << 16
 #: Rays that tell how open a point is, before those that miss its front are left out.
 OPENNESS_RAYS = 48
+#: Rays that tell whether a point is inside an object.
+BURIED_RAYS = 5
 #: Leaves whose links are filled in one block: about 100,000 rays.
 LEAVES_PER_BLOCK = 16
 #: Cells that rays are shot from in one block.
@@ -46,7 +48,9 @@ class Occlusion:
     def __init__(self, scene: Scene) -> None:
         self._centre = scene.centre
         self._scale = scene.size / 2
-        self.triangles = scene.triangles
+        self.triangles, self._two_sided = scene.triangles, scene.two_sided
+        edges = scene.triangles[:, 1:] - scene.triangles[:, :1]
+        self._normals = np.cross(edges[:, 0], edges[:, 1])
         self.rays = 0
         corners = ((scene.triangles - self._centre) / self._scale).astype(np.float32)
         self._scene = embreex.rtcore_scene.EmbreeScene()
@@ -89,6 +93,20 @@ class Occlusion:
             _binding.symmetrise(bits, len(sources))
         return bits
 
+    def buried(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(M,) whether most rays from a point meet the backs of one-sided triangles: it is inside an object."""
+        origins = self._lifted(points, normals).astype(np.float32)
+        rng, backs = np.random.default_rng(0), np.zeros(len(points))
+        for _ in range(BURIED_RAYS):
+            # A point on the sphere about the end of the normal: even by cosine.
+            directions = rng.normal(size=points.shape)
+            directions = directions / np.linalg.norm(directions, axis=1, keepdims=True) + (1 + 1e-6) * normals
+            triangles = self._scene.run(origins, directions.astype(np.float32), query="INTERSECT")
+            behind = (self._normals[triangles] * directions).sum(axis=1) > 0
+            backs += (triangles >= 0) & behind & ~self._two_sided[triangles]
+        self.rays += BURIED_RAYS * len(points)
+        return 2 * backs > BURIED_RAYS
+
     def surface(self, particles: Particles) -> _binding.Surface:
         """The triangles, with what tells which particle stands for a point on them."""
         parts = particles.edges, particles.parts, particles.rule
@@ -117,7 +135,7 @@ class Occlusion:
     ) -> bool:
         """Makes the visible lists of a fast multipole sum among the triangles (section 5 of the paper).
 
-        sources: areas, weights, reach and radii (N,) as `Occluded` of the core has them; effort as its
+        sources: areas, weights, reach, coarse and radii (N,) as `Occluded` of the core has them; effort as its
         `VisibilityOptions`. Whether the weights that `trace` takes should say how open each source is.
         """
         return fmm.occlude(list(sources), (tuple(self._centre), self._scale, OFFSET), effort)

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Triangles that are finer than the light needs, as groups that one particle can stand for.
+
+use crate::error::{Error, same_length};
+use crate::vector::{add, cross, high, low, norm, scale, sub};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Components of normals are rounded to a multiple of one over this: normals of one group differ by 30 degrees or less.
+const NORMAL_STEPS: f64 = 3.0;
+/// A group is at most this share of its mesh across: light changes on the scale of the objects that it falls on.
+const CELLS_PER_MESH: f64 = 16.0;
+/// Halvings of the range of sizes within which the wanted number of groups is looked for.
+const STEPS: usize = 12;
+
+/// The group of each triangle, numbered from 0 in order of first appearance: neighbours in one cell of a grid, of similar
+/// normals, of one kind (T,) and of one mesh. The grid is about the finest that makes no more than `count` groups, but
+/// never coarser than a share of each mesh.
+pub fn group(triangles: &[[[f64; 3]; 3]], kinds: &[u32], count: usize) -> Result<Vec<u32>, Error> {
+    same_length("kinds", triangles.len(), kinds.len())?;
+    let meshes = connected(triangles);
+    let largest: Vec<f64> = extents(triangles, &meshes).iter().map(|extent| extent / CELLS_PER_MESH).collect();
+    let normals: Vec<[f64; 3]> = triangles.iter().map(|t| cross(sub(t[1], t[0]), sub(t[2], t[0]))).collect();
+    let corners = triangles.iter().flatten().copied();
+    let origin = corners.fold([f64::INFINITY; 3], low);
+    let keys = |size: f64| -> Vec<u64> {
+        (0..triangles.len())
+            .into_par_iter()
+            .map(|i| {
+                let [a, b, c] = triangles[i];
+                let size = size.min(largest[i]).max(f64::MIN_POSITIVE);
+                let place = sub(scale(add(a, add(b, c)), 1.0 / 3.0), origin).map(|x| (x / size).floor());
+                let normal = scale(normals[i], NORMAL_STEPS / norm(normals[i]).max(f64::MIN_POSITIVE)).map(f64::round);
+                let parts = place.into_iter().chain(normal).map(|x| x as i64 as u64);
+                parts.chain([u64::from(meshes[i]), u64::from(kinds[i])]).fold(0, mixed)
+            })
+            .collect()
+    };
+    let area = 0.5 * normals.iter().map(|&n| norm(n)).sum::<f64>();
+    let size = (area / count.max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
+    let (mut fine, mut coarse) = (-8.0, 8.0);
+    for _ in 0..STEPS {
+        let middle = 0.5 * (fine + coarse);
+        if distinct(keys(size * f64::exp2(middle))) > count { fine = middle } else { coarse = middle }
+    }
+    let mut known = HashMap::new();
+    Ok(keys(size * f64::exp2(coarse))
+        .into_iter()
+        .map(|key| {
+            let next = known.len() as u32;
+            *known.entry(key).or_insert(next)
+        })
+        .collect())
+}
+
+fn distinct(mut keys: Vec<u64>) -> usize {
+    keys.par_sort_unstable();
+    keys.chunk_by(|a, b| a == b).count()
+}
+
+/// A hash of what came before and one more number: the finaliser of splitmix64 (Steele, Lea and Flood 2014).
+fn mixed(before: u64, x: u64) -> u64 {
+    let x = (before ^ x).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ x >> 31
+}
+
+/// The mesh that each triangle belongs to: triangles of one mesh are joined by corners at exactly the same places.
+fn connected(triangles: &[[[f64; 3]; 3]]) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
+    let mut first: HashMap<[u64; 3], u32> = HashMap::with_capacity(triangles.len());
+    for (triangle, i) in triangles.iter().zip(0..) {
+        for corner in triangle {
+            // 0 and -0 are the same place.
+            let other = *first.entry(corner.map(|x| (x + 0.0).to_bits())).or_insert(i);
+            let (a, b) = (root(&mut parent, i), root(&mut parent, other));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    (0..triangles.len() as u32).map(|i| root(&mut parent, i)).collect()
+}
+
+/// The longest side of the bounding box of each triangle's mesh.
+fn extents(triangles: &[[[f64; 3]; 3]], meshes: &[u32]) -> Vec<f64> {
+    let mut boxes: HashMap<u32, ([f64; 3], [f64; 3])> = HashMap::new();
+    for (triangle, &mesh) in triangles.iter().zip(meshes) {
+        let (least, most) = boxes.entry(mesh).or_insert(([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]));
+        for &corner in triangle {
+            (*least, *most) = (low(*least, corner), high(*most, corner));
+        }
+    }
+    let extent = |(least, most): &([f64; 3], [f64; 3])| sub(*most, *least).into_iter().fold(0.0, f64::max);
+    meshes.iter().map(|mesh| boxes.get(mesh).map_or(0.0, extent)).collect()
+}
+
+fn root(parent: &mut [u32], mut i: u32) -> u32 {
+    while parent[i as usize] != i {
+        parent[i as usize] = parent[parent[i as usize] as usize];
+        i = parent[i as usize];
+    }
+    i
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square of 2 n^2 triangles at a height.
+    fn grid(n: usize, height: f64) -> Vec<[[f64; 3]; 3]> {
+        let at = |i: usize, j: usize| [i as f64 / n as f64, j as f64 / n as f64, height];
+        let cells = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
+        cells
+            .flat_map(|(i, j)| {
+                let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+                [[a, b, c], [a, c, d]]
+            })
+            .collect()
+    }
+
+    fn count(groups: &[u32]) -> usize {
+        groups.iter().max().map_or(0, |&most| most as usize + 1)
+    }
+
+    #[test]
+    fn about_as_many_groups_as_wanted_come_out() {
+        let groups = group(&grid(60, 0.0), &[0; 7200], 400).unwrap();
+        assert!((200..=400).contains(&count(&groups)), "{}", count(&groups));
+    }
+
+    #[test]
+    fn meshes_and_kinds_are_never_mixed() {
+        let mut triangles = grid(8, 0.0);
+        triangles.extend(grid(8, 1e-9));
+        let kinds: Vec<u32> = (0..256).map(|i| u32::from(i % 128 < 20)).collect();
+        let groups = group(&triangles, &kinds, 4).unwrap();
+        let of = |range: std::ops::Range<usize>| groups[range].to_vec();
+        let apart = |a: Vec<u32>, b: Vec<u32>| a.iter().all(|g| !b.contains(g));
+        assert!(apart(of(0..128), of(128..256)), "two sheets share a group");
+        assert!(apart(of(0..20), of(20..128)), "two kinds share a group");
+    }
+
+    #[test]
+    fn surfaces_that_look_away_from_each_other_are_apart() {
+        let [a, b, c] = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]];
+        let groups = group(&[[a, b, c], [a, c, b]], &[0, 0], 1).unwrap();
+        assert_eq!(groups, [0, 1]);
+    }
+
+    #[test]
+    fn no_triangles_make_no_groups() {
+        assert_eq!(group(&[], &[], 10).unwrap(), Vec::<u32>::new());
+        assert!(group(&[], &[1], 10).is_err());
+    }
+}
