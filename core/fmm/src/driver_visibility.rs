@@ -82,8 +82,8 @@ impl Fmm {
             ends: [ends(&self.targets), ends(&self.sources)],
         };
         let mut visibility = Visibility::generate(&view, options);
-        visibility.list(&view, &mut self.lists);
         self.gather = visibility.gather(&view, in_tree(scene.areas));
+        visibility.list(&view, &mut self.lists);
         self.batches = self.lists.batches(&self.targets, &self.sources, TARGETS_PER_SLAB);
         self.translations = OnceLock::new();
         let aims = visibility.aims;

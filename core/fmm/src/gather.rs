@@ -2,9 +2,9 @@
 //! Gathering: what the points of a target leaf receive from source boxes that they see in part.
 //!
 //! Such pairs stay open in the visible lists. Each point of the leaf sends rays over its hemisphere, evenly by cosine, so
-//! that each ray stands for the same share of the irradiance; it counts with the radiosity of the source that it meets
-//! where that source is in an open box, and not at all where the pair is valid and was summed already. Only directions in
-//! which open boxes lie get a ray.
+//! that each ray stands for the same share of the irradiance; it counts with the radiosity of the source that it meets,
+//! but not at all where the pair is valid, or a link, and was summed already. Only directions in which open boxes lie get
+//! a ray, and those along the surface, where a smooth normal sees facets that face away by all that boxes know.
 
 use crate::error::{Error, same_length};
 use crate::octree::Octree;
@@ -25,12 +25,15 @@ const GOLDEN: f64 = 0.618_033_988_749_894_8;
 /// The generators of the R2 sequence: Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
 const R2: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
 
-/// A target leaf with the sources that it may see in part.
+/// Cosine up to which a direction lies along the surface.
+const ALONG: f64 = 0.2;
+
+/// A target leaf that sees sources in part.
 #[derive(Debug)]
 pub struct OpenLeaf {
     pub leaf: u32,
-    /// Sources in tree order, ascending and apart.
-    open: Vec<Range<u32>>,
+    /// Sources that are summed otherwise, in tree order, ascending and apart.
+    closed: Vec<Range<u32>>,
     directions: Mask,
     hits: OnceLock<Hits>,
 }
@@ -75,31 +78,37 @@ pub struct Met<'a> {
 }
 
 impl Gather {
-    /// From pairs of a target leaf and a source box; `weights` (N,) in tree order. `margin` (B,) is how far the surface that
-    /// the points of a source box stand for goes beyond them.
+    /// From open pairs of a target leaf and a source box, and the boxes that are summed for each leaf otherwise; `weights`
+    /// (N,) in tree order. `margin` (B,) is how far the surface that the points of a source box stand for goes beyond them.
     pub fn new(
         targets: &Octree,
         sources: &Octree,
         margin: &[f64],
         mut pairs: Vec<(u32, u32)>,
+        summed: impl Fn(u32) -> Vec<u32> + Sync,
         weights: Vec<f64>,
         density: usize,
     ) -> Self {
-        let start = |s: u32| sources.points[s as usize][0];
-        pairs.par_sort_unstable_by_key(|&(leaf, s)| (targets.points[leaf as usize][0], start(s)));
+        pairs.par_sort_unstable_by_key(|&(leaf, s)| (targets.points[leaf as usize][0], s));
         let mut places = vec![None; targets.n_boxes()];
         let cube = Cube::new();
         let rows: Vec<&[(u32, u32)]> = pairs.chunk_by(|a, b| a.0 == b.0).collect();
         for (row, place) in rows.iter().zip(0..) {
             places[row[0].0 as usize] = Some(place);
         }
-        let leaves = rows.par_iter().map(|row| OpenLeaf::new(targets, sources, margin, row, &cube)).collect();
+        let open_leaf = |row: &&[(u32, u32)]| OpenLeaf {
+            leaf: row[0].0,
+            closed: ranges(sources, &summed(row[0].0)),
+            directions: directions(targets, sources, margin, row, &cube),
+            hits: OnceLock::new(),
+        };
+        let leaves = rows.par_iter().map(open_leaf).collect();
         Self { leaves, density, places, weights }
     }
 
-    /// Whether source j, in tree order, is in an open box of a target leaf.
+    /// Whether a target leaf gets source j, in tree order, by rays over the hemispheres.
     pub fn has(&self, leaf: u32, j: u32) -> bool {
-        self.of(leaf as usize).is_some_and(|open| open.has(j))
+        self.of(leaf as usize).is_some_and(|open| open.counts(j))
     }
 
     fn of(&self, leaf: usize) -> Option<&OpenLeaf> {
@@ -119,7 +128,7 @@ impl Gather {
                 for k in 0..self.density {
                     let at = [(k as f64 + shift) / self.density as f64, GOLDEN * k as f64 + turn];
                     let d = cosine_direction(n, s, t, at);
-                    if open.directions.has(cell(d)) {
+                    if open.directions.has(cell(d)) || dot(d, n) < ALONG {
                         rays.points.push(i as u32);
                         rays.origins.push(origin);
                         rays.directions.push(d.map(|c| c as f32));
@@ -148,7 +157,7 @@ impl Gather {
             let mut hits = Hits { starts: vec![0], sources: Vec::new() };
             for i in targets.points_of(open.leaf as usize) {
                 while ray < met.points.len() && met.points[ray] as usize == i {
-                    hits.sources.extend(met.source(ray, surface, sources).filter(|&j| open.has(j)));
+                    hits.sources.extend(met.source(ray, surface, sources).filter(|&j| open.counts(j)));
                     ray += 1;
                 }
                 hits.starts.push(hits.sources.len() as u32);
@@ -184,25 +193,35 @@ impl Gather {
 }
 
 impl OpenLeaf {
-    fn new(targets: &Octree, sources: &Octree, margin: &[f64], row: &[(u32, u32)], cube: &Cube) -> Self {
-        let (leaf, mut open, mut directions) = (row[0].0, Vec::<Range<u32>>::new(), Mask::default());
-        let (middle, radius) = sphere(targets, leaf as usize);
-        for &(_, s) in row {
-            let [start, end] = sources.points[s as usize];
-            match open.last_mut() {
-                Some(last) if last.end == start => last.end = end,
-                _ => open.push(start..end),
-            }
-            let (centre, reach) = sphere(sources, s as usize);
-            cube.mark(sub(centre, middle), radius + reach + margin[s as usize], &mut directions);
-        }
-        Self { leaf, open, directions, hits: OnceLock::new() }
+    fn counts(&self, j: u32) -> bool {
+        let after = self.closed.partition_point(|range| range.start <= j);
+        after == 0 || j >= self.closed[after - 1].end
     }
+}
 
-    fn has(&self, j: u32) -> bool {
-        let after = self.open.partition_point(|range| range.start <= j);
-        after > 0 && j < self.open[after - 1].end
+/// The points of boxes, in ranges that are ascending and apart.
+fn ranges(sources: &Octree, boxes: &[u32]) -> Vec<Range<u32>> {
+    let mut points: Vec<[u32; 2]> = boxes.iter().map(|&s| sources.points[s as usize]).collect();
+    points.sort_unstable();
+    let mut ranges: Vec<Range<u32>> = Vec::new();
+    for [start, end] in points {
+        match ranges.last_mut() {
+            Some(last) if last.end >= start => last.end = last.end.max(end),
+            _ => ranges.push(start..end),
+        }
     }
+    ranges
+}
+
+/// The directions in which the source boxes of a leaf's open pairs lie.
+fn directions(targets: &Octree, sources: &Octree, margin: &[f64], row: &[(u32, u32)], cube: &Cube) -> Mask {
+    let mut mask = Mask::default();
+    let (middle, radius) = sphere(targets, row[0].0 as usize);
+    for &(_, s) in row {
+        let (centre, reach) = sphere(sources, s as usize);
+        cube.mark(sub(centre, middle), radius + reach + margin[s as usize], &mut mask);
+    }
+    mask
 }
 
 impl Met<'_> {

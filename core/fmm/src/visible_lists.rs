@@ -5,7 +5,7 @@ use crate::facing::Facing;
 use crate::gather::Gather;
 use crate::links::{Links, Runs};
 use crate::lists::{Lists, Rows};
-use crate::octree::Octree;
+use crate::octree::{NO_BOX, Octree};
 use crate::visibility::{Kind, Pair, View, Visibility};
 use rayon::prelude::*;
 
@@ -40,7 +40,7 @@ impl Visibility {
 
     /// Tells the pairs that are seen in part apart: those that get rays of their own, emitters always and others where
     /// most leaves have few, are kept for [`Visibility::link`]; the rest are left to rays over the hemispheres, and to be
-    /// gathered. `areas` (N,) of the sources in tree order.
+    /// gathered. `areas` (N,) of the sources in tree order. To be called before [`Visibility::list`].
     pub fn gather(&mut self, view: &View, areas: Vec<f64>) -> Gather {
         let partial = std::mem::take(&mut self.partial);
         let below =
@@ -74,7 +74,18 @@ impl Visibility {
                 }
             }
         }
-        Gather::new(&view.targets, &view.sources, &view.margin, open, areas, self.options.density)
+        let (mut valid, mut linked) =
+            (vec![Vec::new(); view.targets.n_boxes()], vec![Vec::new(); view.targets.n_boxes()]);
+        self.valid.iter().for_each(|pair| valid[pair.target as usize].push(pair.source));
+        self.linked.iter().for_each(|&((leaf, s), _)| linked[leaf as usize].push(s));
+        let summed = |leaf: u32| {
+            let mut boxes = linked[leaf as usize].clone();
+            let above =
+                std::iter::successors(Some(leaf), |&t| Some(view.targets.parent[t as usize]).filter(|&t| t != NO_BOX));
+            above.for_each(|t| boxes.extend(&valid[t as usize]));
+            boxes
+        };
+        Gather::new(&view.targets, &view.sources, &view.margin, open, summed, areas, self.options.density)
     }
 
     /// Into how many runs the source box of a link is cut, and each of these into how many parts; `scale` of its share.
