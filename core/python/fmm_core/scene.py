@@ -66,6 +66,7 @@ class Scene:
             if not scene.emission.any():
                 raise Error("emission: the scene has no emitter, every triangle's emission is 0")
         if albedo is not None:
+            scene.warnings = [text for text in scene.warnings if not text.startswith("albedo ")]
             scene.albedo = _frozen(scene._clamped(_colours("albedo", albedo, self._given)[self.triangle_indices]))
         return scene
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
+from .kept import KeptVisibility, Replaying
 from .particles import Particles
 from .progress import Tick, silent
 from .scene import Scene
@@ -42,10 +43,11 @@ CELLS_PER_BLOCK = 16
 class Occlusion:
     """Shadow rays against the triangles of a scene, in single precision inside a unit box.
 
-    rays    how many have been traced so far
+    rays    how many have been asked so far, those included whose answers were kept
+    kept    answers of earlier solves, and where those of this one go, or None
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, kept: KeptVisibility | None = None) -> None:
         self._centre = scene.centre
         self._scale = scene.size / 2
         self.triangles, self._two_sided = scene.triangles, scene.two_sided
@@ -57,6 +59,13 @@ class Occlusion:
         self._mesh = embreex.mesh_construction.TriangleMesh(self._scene, corners)
         # The first call commits the scene, which must not happen in several threads at once.
         self._occluded(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+        if kept is not None:
+            self._scene = kept.around(self._scene)
+
+    @property
+    def replayed(self) -> int:
+        """Rays whose answers were kept."""
+        return self._scene.replayed if isinstance(self._scene, Replaying) else 0
 
     def _occluded(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> NDArray[np.bool_]:
         if len(origins) == 0:
