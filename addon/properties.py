@@ -41,6 +41,12 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
         max=1.0,
         precision=4,
     )
+    keep_visibility: bpy.props.BoolProperty(
+        name="Keep Visibility",
+        description="Save what sees what in a file beside the .blend, so that the next bake is faster, also in another "
+        "session, as long as only lights and colours have changed",
+        default=False,
+    )
 
 
 def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Settings:

@@ -71,10 +71,7 @@ class Solution:
         It does not where the triangles are others, where others of them emit, or where triangles that share a particle
         no longer have one albedo.
         """
-        same = np.array_equal(self.scene.triangles, scene.triangles)
-        same &= np.array_equal(self.scene.triangle_indices, scene.triangle_indices)
-        same &= np.array_equal(self.scene.two_sided, scene.two_sided)
-        return bool(same) and serve(self.particles, self._first, scene)
+        return self.scene.same_geometry(scene) and serve(self.particles, self._first, scene)
 
     def relight(
         self, emission: ArrayLike | None = None, albedo: ArrayLike | None = None, progress: Progress | None = None
