@@ -3,9 +3,9 @@
 
 uv run python benchmarks/cycles.py [--json] [--scene cornell clutter] [--vertices N]
 
-Both engines get the same flat-shaded mesh and are judged at the same random corners, by the relative L2 error of the
-irradiance over corners and colours. Corners on a crease or a rim are left out: there Cycles, which asks at the very
-vertex, sees whichever face is nearer.
+Both engines get the same mesh, smooth but at creases, and are judged at the same random corners, by the relative L2
+error of the irradiance over corners and colours. Corners on a crease or a rim are left out: there Cycles, which asks at
+the very vertex, sees whichever face is nearer.
 
 Cycles bakes one joined mesh (separate objects cost it more), direct and indirect, 32 bounces, nothing clamped, light
 tree off, its faster setting here. Its error falls with the square root of the samples and its seconds grow linearly;
@@ -37,30 +37,14 @@ from pathlib import Path
 
 import numpy as np
 from common import Array, Cost, Row, in_child, print_rows, relative_l2
-from cycles_bake import Mesh, bake, gridded
+from cycles_bake import Mesh, bake
 from fmm_core import Scene, Settings, solve
 from fmm_core.report import peak_memory_mib
 from numpy.typing import NDArray
-from scenes import clutter, cornell, exact_gather, timed_bake
+from scenes import FINE, VERTICES, clutter_mesh, cornell, cornell_mesh, exact_gather, timed_bake
 
-#: Vertices of each scene where the user leaves them open, and of the clutter at its usual level of subdivision.
-VERTICES = {"cornell": 80_000, "clutter": 50_000}
-CLUTTER_LEVEL = 4
 #: The error that counts as good: both are compared there as well.
 GOOD = 0.01
-
-
-def cornell_mesh(vertices: int) -> Mesh:
-    """The room with two blocks in quads of one size."""
-    triangles, albedo, emission = cornell()
-    faces, owners = gridded(triangles, vertices)
-    return Mesh(faces, albedo[owners], emission[owners])
-
-
-def clutter_mesh(vertices: int, objects: int = 72) -> Mesh:
-    """The room of many objects in triangles, at the level of subdivision that comes nearest."""
-    level = CLUTTER_LEVEL + round(np.log2(vertices / VERTICES["clutter"]) / 2)
-    return Mesh(*clutter(objects, max(1, level)))
 
 
 def ours(mesh: Mesh, settings: Settings, sample: NDArray[np.int64]) -> Row:
@@ -153,7 +137,9 @@ def judges(mesh: Mesh, coarse: Scene, options: argparse.Namespace) -> tuple[NDAr
     sample = np.random.default_rng(0).choice(interior, min(options.sample, len(interior)), replace=False)
     points = mesh.output_points()
     rows = points.inverse[sample]
-    fine = Settings(particles=options.truth_particles, rays=options.truth_rays, method=options.truth_method, probes=0)
+    few = len(coarse.triangles) < len(mesh.faces) // 10
+    particles = options.truth_particles or (20_000 if few else FINE)
+    fine = Settings(particles=particles, rays=options.truth_rays, method="direct" if few else "fmm", probes=0)
     return sample, truth(coarse, (points.points[rows], points.normals[rows]), fine, options.cache)
 
 
@@ -218,9 +204,8 @@ def main() -> None:
     parser.add_argument("--particles", type=int, help="of our solve; the core's choice")
     parser.add_argument("--rays", type=int, default=Settings().rays, help="of our solve, a receiver")
     parser.add_argument("--sample", type=int, default=4000, help="corners at which both are judged")
-    parser.add_argument("--truth-particles", type=int, default=20_000)
-    parser.add_argument("--truth-rays", type=int, default=1500)
-    parser.add_argument("--truth-method", choices=("direct", "fmm"), help="of the radiosity; the core's choice")
+    parser.add_argument("--truth-particles", type=int, help="of the radiosity that the truth is summed from")
+    parser.add_argument("--truth-rays", type=int, default=2000, help="the same, where it is not by the direct method")
     cache = Path(tempfile.gettempdir()) / "fmm-radiosity-truth"
     parser.add_argument("--cache", type=Path, default=cache, help="folder of the truth")
     options = parser.parse_args()

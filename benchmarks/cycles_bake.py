@@ -26,7 +26,7 @@ WELD = 1e-6
 
 @dataclass(frozen=True)
 class Mesh:
-    """Flat-shaded faces (F, K, 3) m, counter-clockwise from the front; albedo (F, 3); emission (F,) W/m^2."""
+    """Faces (F, K, 3) m, counter-clockwise from the front; albedo (F, 3); emission (F,) W/m^2."""
 
     faces: Array
     albedo: Array
@@ -38,10 +38,43 @@ class Mesh:
         return self.faces.reshape(-1, 3)
 
     @cached_property
-    def corner_normals(self) -> Array:
+    def face_normals(self) -> Array:
         """(C, 3) the unit normal of each corner's face."""
         normals = np.cross(self.faces[:, 1] - self.faces[:, 0], self.faces[:, 2] - self.faces[:, 0])
         return np.repeat(normals / np.linalg.norm(normals, axis=1, keepdims=True), self.faces.shape[1], axis=0)
+
+    @cached_property
+    def corner_angles(self) -> Array:
+        """(C,) rad: the angle of each corner's face there."""
+        to_next = np.roll(self.faces, -1, axis=1) - self.faces
+        to_next /= np.linalg.norm(to_next, axis=2, keepdims=True)
+        return np.arccos(np.clip(-(to_next * np.roll(to_next, 1, axis=1)).sum(axis=2), -1, 1)).ravel()
+
+    @cached_property
+    def vertex_normals(self) -> Array:
+        """(V, 3) the mean of the normals around each vertex by angle, unit, as Blender has it."""
+        weighted = self.corner_angles[:, None] * self.face_normals
+        mean = np.stack([np.bincount(self.corner_vertices, weighted[:, axis]) for axis in range(3)], axis=1)
+        return mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
+
+    @cached_property
+    def even(self) -> NDArray[np.bool_]:
+        """(V,) whether no face around a vertex turns far from the mean."""
+        turned = np.ones(self.vertex_count)
+        cosines = (self.vertex_normals[self.corner_vertices] * self.face_normals).sum(axis=1)
+        np.minimum.at(turned, self.corner_vertices, cosines)
+        return turned > SMOOTH
+
+    @cached_property
+    def smooth(self) -> NDArray[np.bool_]:
+        """(F,) faces that are shaded smooth: those that no crease touches."""
+        return self.even[self.corner_vertices].reshape(self.faces.shape[:2]).all(axis=1)
+
+    @cached_property
+    def corner_normals(self) -> Array:
+        """(C, 3) the unit normal that each corner is shaded with."""
+        smooth = np.repeat(self.smooth, self.faces.shape[1])[:, None]
+        return np.where(smooth, self.vertex_normals[self.corner_vertices], self.face_normals)
 
     @cached_property
     def corner_vertices(self) -> NDArray[np.int64]:
@@ -66,17 +99,10 @@ class Mesh:
 
     def interior_corners(self) -> NDArray[np.int64]:
         """Corners of reflecting faces whose vertex lies on no crease and no rim, so that its light is well defined."""
-        to_next = np.roll(self.faces, -1, axis=1) - self.faces
-        to_next /= np.linalg.norm(to_next, axis=2, keepdims=True)
-        angles = np.arccos(np.clip(-(to_next * np.roll(to_next, 1, axis=1)).sum(axis=2), -1, 1)).ravel()
-        vertices, normals = self.corner_vertices, self.corner_normals
-        mean = np.stack([np.bincount(vertices, normals[:, axis]) for axis in range(3)], axis=1)
-        mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
-        smooth = np.ones(self.vertex_count)
-        np.minimum.at(smooth, vertices, (mean[vertices] * normals).sum(axis=1))
-        good = (smooth > SMOOTH) & (np.bincount(vertices, angles) > CLOSED * 2 * np.pi)
+        around = np.bincount(self.corner_vertices, self.corner_angles)
+        good = self.even & (around > CLOSED * 2 * np.pi)
         reflects = np.repeat((self.albedo > 0).any(axis=1) & (self.emission == 0), self.faces.shape[1])
-        return np.flatnonzero(good[vertices] & reflects)
+        return np.flatnonzero(good[self.corner_vertices] & reflects)
 
 
 def gridded(triangles: Array, vertices: int) -> tuple[Array, NDArray[np.int64]]:
@@ -146,6 +172,7 @@ def build(mesh: Mesh) -> bpy.types.Object:
     surfaces, slots = np.unique(np.column_stack([mesh.albedo, mesh.emission]), axis=0, return_inverse=True)
     for surface in surfaces.tolist():
         data.materials.append(material(surface[:3], surface[3]))
+    data.polygons.foreach_set("use_smooth", mesh.smooth)
     data.polygons.foreach_set("material_index", slots.reshape(-1).astype(np.int32))
     data.color_attributes.active_color = data.color_attributes.new("Cycles", "FLOAT_COLOR", "CORNER")
     obj = bpy.data.objects.new("Object", data)

@@ -2,22 +2,33 @@
 """Bakes with occlusion: error against the direct method with all rays, seconds, rays, and relighting.
 
 uv run python benchmarks/scenes.py [--json] [--scene cornell clutter growth]
+
+The exponent of growth is that of the seconds from the first size to each, against the points.
 """
 
 import argparse
 import time
 
 import numpy as np
-from common import print_rows
+from common import Array, Row, print_rows, relative_l2
+from cycles_bake import Mesh, gridded
 from fmm_core import Scene, Settings, Solution, solve
 from fmm_core.direct import DirectSpace
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Points = tuple[Array, Array]
 #: Receivers at which the exact answer is summed with all rays.
 SAMPLE = 2000
-#: Rays a receiver of "default" and "fine".
-RAYS = {"default": 200, "fine": 1500}
+#: Rays a receiver of default settings, and of fine ones.
+RAYS = (Settings().rays, 1500)
+#: Particles of a truth in which none stands for several triangles.
+FINE = 60_000
+#: Vertices of each scene, those of the clutter at its usual level of subdivision, and those of the growth.
+VERTICES = {"cornell": 80_000, "clutter": 50_000}
+CLUTTER_LEVEL = 4
+GROWTH = (5_000, 20_000, 80_000, 200_000, 500_000)
+#: Lamps are this many times as strong when relit.
+LAMPS_LATER = 3.0
 
 
 def quad(a: Array, b: Array, c: Array, d: Array) -> list[list[Array]]:
@@ -86,23 +97,17 @@ def clutter(objects: int = 72, level: int = 4) -> tuple[Array, Array, Array]:
     return np.concatenate(triangles), np.concatenate(colours), np.concatenate(light)
 
 
-def receivers(triangles: Array) -> tuple[Array, Array]:
-    """The vertices with their triangles' normals, one for each direction, stepped a little inside."""
-    edges = triangles[:, 1:] - triangles[:, :1]
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    points = (triangles + 1e-3 * (triangles.mean(axis=1, keepdims=True) - triangles)).reshape(-1, 3)
-    normals = np.repeat(normals, 3, axis=0)
-    keys = np.rint(np.column_stack([triangles.reshape(-1, 3) * 1e6, normals * 1e2])).astype(np.int64)
-    chosen = np.unique(keys, axis=0, return_index=True)[1]
-    return points[chosen], normals[chosen]
+def cornell_mesh(vertices: int) -> Mesh:
+    """The room with two blocks in quads of one size."""
+    triangles, albedo, emission = cornell()
+    faces, owners = gridded(triangles, vertices)
+    return Mesh(faces, albedo[owners], emission[owners])
 
 
-def sphere_receivers(triangles: Array) -> tuple[Array, Array]:
-    """One point in the middle of every other triangle: about as many as there are vertices."""
-    edges = triangles[:, 1:] - triangles[:, :1]
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    return triangles.mean(axis=1)[::2], (normals / np.linalg.norm(normals, axis=1, keepdims=True))[::2]
+def clutter_mesh(vertices: int, objects: int = 72) -> Mesh:
+    """The room of many objects in triangles, at the level of subdivision that comes nearest."""
+    level = CLUTTER_LEVEL + round(np.log2(vertices / VERTICES["clutter"]) / 2)
+    return Mesh(*clutter(objects, max(1, level)))
 
 
 def timed_bake(scene: Scene, settings: Settings, points: tuple[Array, Array]) -> tuple[Solution, Array, float]:
@@ -118,68 +123,85 @@ def exact_gather(solution: Solution, points: tuple[Array, Array]) -> Array:
     return DirectSpace(solution._space.sums).gather(*points, solution.radiosity)
 
 
-def compare(name: str, scene: Scene, points: tuple[Array, Array], particles: int, reference: Solution) -> list[dict]:
-    """Error, rays and seconds of default and fine settings."""
-    rng = np.random.default_rng(0)
-    chosen = rng.choice(len(points[0]), min(SAMPLE, len(points[0])), replace=False)
-    exact = exact_gather(reference, (points[0][chosen], points[1][chosen]))
-    rows = []
-    for quality, rays in RAYS.items():
-        settings = Settings(method="fmm", particles=particles, rays=rays, probes=0)
-        solution, irradiance, seconds = timed_bake(scene, settings, points)
-        start = time.perf_counter()
-        solution.relight(emission=2.0 * scene.emission).irradiance(*points)
-        relight = time.perf_counter() - start
-        difference = np.linalg.norm(irradiance[chosen] - exact, axis=1)
-        size = np.linalg.norm(exact, axis=1)
-        within = np.mean(difference <= 0.05 * size + 1e-3 * np.sqrt((size**2).mean()))
-        report = solution.report
-        rows.append(
-            {
-                "scene": name,
-                "quality": quality,
-                "particles": len(solution.particles),
-                "points": len(points[0]),
-                "l2_error": float(np.sqrt((difference**2).sum() / (size**2).sum())),
-                "within_5_percent": float(within),
-                "rays_per_receiver": report["counts"]["rays"] / (len(solution.particles) + len(points[0])),
-                "seconds": seconds,
-                "relight_seconds": relight,
-                "postponement": report["postponement"],
-                "memory_mib": report["peak_memory_mib"],
-            }
-        )
-    return rows
+def compare(
+    name: str, scene: Scene, points: Points, settings: Settings, judged: NDArray[np.int64], exact: Array
+) -> Row:
+    """Error at the judged rows of the points, where the exact irradiance (S, 3) is known, rays and seconds of a bake.
+
+    Points darker than a fiftieth of the mean count as near enough within a thousandth of the mean.
+    """
+    solution, irradiance, seconds = timed_bake(scene, settings, points)
+    start = time.perf_counter()
+    again = solution.relight(emission=LAMPS_LATER * scene.emission, albedo=0.5 * scene.albedo)
+    relit = again.irradiance(*points)
+    relight = time.perf_counter() - start
+    difference = np.linalg.norm(irradiance[judged] - exact, axis=1)
+    size = np.linalg.norm(exact, axis=1)
+    report = solution.report
+    fresh = solve(Scene(scene.triangles, 0.5 * scene.albedo, LAMPS_LATER * scene.emission), settings)
+    return {
+        "scene": name,
+        "rays": settings.rays,
+        "triangles": len(scene.triangles),
+        "particles": len(solution.particles),
+        "points": len(points[0]),
+        "l2_error": relative_l2(irradiance[judged], exact),
+        "within_5_percent": float(np.mean(difference <= 0.05 * size + 1e-3 * np.sqrt((size**2).mean()))),
+        "rays_per_receiver": report["counts"]["rays"] / (len(solution.particles) + len(points[0])),
+        "seconds": seconds,
+        "relight_seconds": relight,
+        "relight_rays": again.report["counts"]["rays"],
+        "relight_against_fresh": relative_l2(relit, fresh.irradiance(*points)),
+        "postponement": report["postponement"],
+        "memory_mib": report["peak_memory_mib"],
+    }
 
 
-def run_cornell() -> list[dict]:
-    scene = Scene(*cornell())
-    reference = solve(scene, Settings(method="direct", particles=20_000))
+def chosen(count: int) -> NDArray[np.int64]:
+    """Random rows to judge at."""
+    return np.random.default_rng(0).choice(count, min(SAMPLE, count), replace=False)
+
+
+def run_cornell(small: bool) -> list[Row]:
+    """The two-block room in few triangles, judged at its particles."""
+    scene, particles = Scene(*cornell()), 2_000 if small else 20_000
+    reference = solve(scene, Settings(method="direct", particles=particles))
     points = reference.particles.positions, reference.particles.normals
-    return compare("cornell", scene, points, 20_000, reference)
+    rows = chosen(len(points[0]))
+    exact = exact_gather(reference, (points[0][rows], points[1][rows]))
+    each = [Settings(method="fmm", particles=particles, rays=rays, probes=0) for rays in RAYS]
+    return [compare("cornell", scene, points, settings, rows, exact) for settings in each]
 
 
-def run_clutter() -> list[dict]:
-    scene = Scene(*clutter())
-    reference = solve(scene, Settings(method="fmm", particles=1000, rays=RAYS["fine"], probes=0))
-    return compare("clutter", scene, sphere_receivers(scene.triangles), 1000, reference)
+def run_clutter(small: bool) -> list[Row]:
+    """The clutter, judged at its vertices."""
+    mesh = clutter_mesh(3_000, 8) if small else clutter_mesh(VERTICES["clutter"])
+    scene, output = mesh.scene(), mesh.output_points()
+    rows = np.unique(output.inverse[mesh.interior_corners()])
+    rows = rows[chosen(len(rows))]
+    fine = solve(scene, Settings(method="fmm", particles=FINE, rays=10 * RAYS[0], probes=0))
+    exact = exact_gather(fine, (output.points[rows], output.normals[rows]))
+    each = [Settings(rays=rays, probes=0) for rays in RAYS]
+    return [compare("clutter", scene, (output.points, output.normals), settings, rows, exact) for settings in each]
 
 
-def run_growth() -> list[dict]:
-    scene = Scene(*cornell())
-    rows = []
-    for times in (4, 5, 6, 7):
-        points = receivers(subdivided(scene.triangles, times))
-        particles = max(5_001, len(points[0]) // 4)
-        for quality, rays in list(RAYS.items())[:1]:
-            settings = Settings(method="fmm", particles=particles, rays=rays, probes=0)
-            solution, _, seconds = timed_bake(scene, settings, points)
-            start = time.perf_counter()
-            solution.relight(emission=2.0 * scene.emission).irradiance(*points)
-            row = {"scene": "growth", "quality": quality, "points": len(points[0]), "seconds": seconds}
-            row |= {"particles": len(solution.particles), "relight_seconds": time.perf_counter() - start}
-            rows.append(row | {"memory_mib": solution.report["peak_memory_mib"]})
-    return rows
+def run_growth(small: bool) -> list[Row]:
+    """The two-block room in ever finer meshes, judged at their vertices, at default settings."""
+    reference = solve(Scene(*cornell()), Settings(method="direct", particles=1_000 if small else 20_000))
+    found = []
+    for vertices in GROWTH[: 1 if small else None]:
+        mesh = cornell_mesh(vertices)
+        output = mesh.output_points()
+        rows = np.unique(output.inverse[mesh.interior_corners()])
+        rows = rows[chosen(len(rows))]
+        exact = exact_gather(reference, (output.points[rows], output.normals[rows]))
+        points = output.points, output.normals
+        found.append(compare("growth", mesh.scene(), points, Settings(method="fmm", probes=0), rows, exact))
+        first = found[0]
+        if len(found) > 1:
+            grown = found[-1]["points"] / first["points"]
+            found[-1]["exponent"] = float(np.log(found[-1]["seconds"] / first["seconds"]) / np.log(grown))
+    return found
 
 
 def main() -> None:
@@ -187,8 +209,9 @@ def main() -> None:
     runs = {"cornell": run_cornell, "clutter": run_clutter, "growth": run_growth}
     parser.add_argument("--scene", nargs="+", choices=runs, default=list(runs))
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
+    parser.add_argument("--small", action="store_true", help="a few seconds' run, to see that all works")
     options = parser.parse_args()
-    rows = [row for name in options.scene for row in runs[name]()]
+    rows = [row for name in options.scene for row in runs[name](options.small)]
     print_rows(rows, options.json)
 
 

@@ -28,8 +28,8 @@ def gmres(
 ) -> Colours:
     """Radiosity (N, 3) by GMRES (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986), the colours side by side.
 
-    Residuals are relative to each particle's own radiosity, so that a dim corner or colour counts like a bright one, down
-    to a thousandth of the mean.
+    Residuals are relative to each particle's own radiosity, so that a dim corner or colour counts like a bright one,
+    down to a thousandth of the mean.
     Ends when no particle has more than the tolerance's share of its light still to come; or at the cap of applications,
     with a warning.
     """

@@ -79,8 +79,8 @@ class Particles:
 def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None = None) -> Particles:
     """About `count` quadrature points of the given degree.
 
-    At least one patch a triangle, unless `buried` is given: then triangles finer than patches have to be share one, that
-    of a triangle which is not buried in an object. buried: from points and unit normals (M, 3) to bool (M,).
+    At least one patch a triangle, unless `buried` is given: then triangles finer than patches have to be share one,
+    that of a triangle which is not buried in an object. buried: from points and unit normals (M, 3) to bool (M,).
     """
     barycentric, shares = triangle_rule(degree)
     wanted = count / len(shares)
@@ -186,8 +186,8 @@ def _grouped(scene: Scene, cut: _Cut, emits: NDArray[np.bool_], wanted: float, b
     centres = scene.triangles[fine].mean(axis=1)
     means = np.stack([np.bincount(group, area * centres[:, axis]) for axis in range(3)], axis=1) / areas[:, None]
     off_centre = np.linalg.norm(centres - means[group], axis=1)
-    # The triangle nearest to the mean stands for its group, of those that are not inside another object if there are any:
-    # what is inside is seen by nobody.
+    # The triangle nearest to the mean stands for its group, of those that are not inside another object if there are
+    # any: what is inside is seen by nobody.
     several, inside = np.bincount(group)[group] > 1, np.zeros(len(fine), bool)
     inside[several] = buried(centres[several], _normals(scene.triangles[fine[several]]))
     order = np.lexsort([off_centre, inside, group])
@@ -256,7 +256,7 @@ def _cut(scene: Scene, limits: NDArray[np.float64]) -> _Cut:
 
 
 def _numbered(large: NDArray[np.bool_], nodes: int, patches: int) -> NDArray[np.uint32]:
-    """(n, 2) both halves of the nodes that are cut, from number `nodes` on; the patch of the others, and none behind."""
+    """(n, 2) both halves of the nodes that are cut, from number `nodes` on; the others' patch, and none behind."""
     parts = np.empty((len(large), 2), np.uint32)
     count = np.count_nonzero(large)
     parts[large] = nodes + np.arange(count)[:, None] + [0, count]

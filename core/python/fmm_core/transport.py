@@ -14,7 +14,7 @@ from .progress import Tick, silent
 from .visibility import Occlusion
 
 #: A group of triangles is one source from so many of its radii on.
-COARSE = 4.0
+COARSE = 2.0
 
 
 class Operator:
