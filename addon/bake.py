@@ -33,9 +33,9 @@ KEPT_SUFFIX = ".fmm-visibility"
 
 @dataclass(frozen=True)
 class Input:
-    """What a solve needs: the arrays of the scene, the seconds it took to read them, and the file that keeps visibility.
+    """What a solve needs: the arrays of the scene, and the seconds it took to read them.
 
-    warnings: what could not be done as asked, one line each
+    kept: the file that keeps visibility, or None; warnings: what could not be done as asked, one line each
     """
 
     arrays: export.SceneArrays
@@ -124,7 +124,7 @@ def _serves(solution: fmm_core.Solution, scene: fmm_core.Scene, settings: fmm_co
 
 
 def _load(path: Path | None, warnings: list[str]) -> fmm_core.KeptVisibility | None:
-    """What is kept in a file, nothing yet where there is none or it is no good, and None where nothing is to be kept."""
+    """What is kept in a file, nothing yet where there is none that is any good; None where nothing is to be kept."""
     if path is None:
         return None
     try:

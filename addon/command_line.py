@@ -101,8 +101,8 @@ def _parser() -> _Parser:
     add("--method", help="direct: every particle with every other one")
     add("--target-error", type=float, help="relative error that is good enough, as 0.01")
     add("--particles", type=int, help="about how many points gather the light (default: chosen from the scene)")
-    add("--keep-visibility", action="store_true", help="save what sees what beside the scene, for faster bakes with other "
-        f"lights and colours ({bake.KEPT_SUFFIX})")  # fmt: skip
+    add("--keep-visibility", action="store_true", help=f"save what sees what in a {bake.KEPT_SUFFIX} beside the scene: "
+        "faster bakes with other lights and colours")  # fmt: skip
     add("--report", type=_file, help="also write numbers and warnings to this .json file")
     add("--preview", type=_file, help=f"also render a picture of {preview.SIZE} x {preview.SIZE} to this .png file")
     return parser
