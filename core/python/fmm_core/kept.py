@@ -23,6 +23,8 @@ from .scene import Scene
 VERSION = 1
 #: Bytes of a digest.
 DIGEST = 16
+#: Where on a triangle a ray met it is told in so many steps an edge: more than there are ever patches.
+HIT_STEPS = 1 << 15
 _ROW = np.dtype([("digest", np.uint8, DIGEST), ("size", np.int64)])
 
 
@@ -189,21 +191,19 @@ class Replaying:
 
 def _pack(met: Any, query: str, output: bool) -> bytes:
     if output:
-        return b"".join(met[name].astype(kind).tobytes() for name, kind in _HIT.items())
+        steps = (np.round(np.clip(met[name], 0, 1) * np.float32(HIT_STEPS)).astype(np.uint16) for name in ("u", "v"))
+        return b"".join(part.tobytes() for part in (met["primID"].astype(np.int32), *steps))
     return np.packbits(met == 0).tobytes() if query == "OCCLUDED" else met.astype(np.int32).tobytes()
-
-
-_HIT = {"primID": np.int32, "u": np.float32, "v": np.float32}
 
 
 def _unpack(answer: bytes | None, count: int, query: str, output: bool) -> Any:
     """What `_pack` packed for so many rays; None where it is something else."""
-    expected = 12 * count if output else (count + 7) // 8 if query == "OCCLUDED" else 4 * count
+    expected = 8 * count if output else (count + 7) // 8 if query == "OCCLUDED" else 4 * count
     if answer is None or len(answer) != expected:
         return None
     if output:
-        parts = (answer[4 * count * i : 4 * count * (i + 1)] for i in range(3))
-        return {name: np.frombuffer(part, kind) for part, (name, kind) in zip(parts, _HIT.items(), strict=True)}
+        u, v = np.frombuffer(answer, np.uint16, offset=4 * count).reshape(2, count) / np.float32(HIT_STEPS)
+        return {"primID": np.frombuffer(answer, np.int32, count), "u": u, "v": v}
     if query == "OCCLUDED":
         return np.unpackbits(np.frombuffer(answer, np.uint8), count=count).astype(np.int32) - 1
     return np.frombuffer(answer, np.int32)
