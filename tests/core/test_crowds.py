@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes that are finer than the light needs, and rooms so full that rays go over the hemispheres."""
+
+import fmm_core
+import numpy as np
+import pytest
+import shapes
+from fmm_core.particles import make_particles
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+
+def finer(triangles, times):
+    for _ in range(times):
+        a, b, c = triangles.transpose(1, 0, 2)
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        triangles = np.stack([np.stack(part, axis=1) for part in parts], axis=1).reshape(-1, 3, 3)
+    return triangles
+
+
+def block(low, high):
+    low, high = np.array(low), np.array(high)
+    return shapes.room(high - low)[:, ::-1] + low
+
+
+LAMP = shapes.quad([0.35, 0.35, 0.99], [0.35, 0.65, 0.99], [0.65, 0.65, 0.99], [0.65, 0.35, 0.99])
+
+
+def crowd(objects, times):
+    """Triangles, albedo and emission of a lit room with many blocks, some through each other and through the walls."""
+    rng = np.random.default_rng(5)
+    parts = [shapes.room(), LAMP]
+    for _ in range(objects):
+        low = rng.uniform(-0.02, 0.8, 3)
+        parts.append(block(low, low + rng.uniform(0.05, 0.2, 3)))
+    triangles = np.concatenate(parts)
+    albedo = np.repeat(rng.uniform(0.2, 0.8, (len(triangles) // 2, 3)), 2, axis=0)
+    emission = np.zeros(len(triangles))
+    emission[12:14] = 10.0
+    return finer(triangles, times), np.repeat(albedo, 4**times, axis=0), np.repeat(emission, 4**times)
+
+
+def error(found, exact):
+    return np.linalg.norm(found - exact) / np.linalg.norm(exact)
+
+
+@pytest.fixture(scope="module")
+def full_room():
+    """The scene, points on it, and their irradiance by the direct method, itself 0.6 % off as its patches are coarse."""
+    scene = fmm_core.Scene(*crowd(16, 1))
+    reference = fmm_core.solve(scene, fmm_core.Settings(method="direct", particles=12_000, probes=0))
+    points, normals = shapes.random_points(scene.triangles, 2)
+    return scene, (points, normals), reference.irradiance(points, normals)
+
+
+def bake(scene, points, **options):
+    solution = fmm_core.solve(scene, fmm_core.Settings(method="fmm", particles=8000, probes=0, **options))
+    return solution.irradiance(*points), solution.report["counts"]["rays"] / (len(solution.particles) + len(points[0]))
+
+
+def test_a_crowded_room_is_gathered_within_one_and_a_half_percent(full_room):
+    scene, points, exact = full_room
+    found, rays = bake(scene, points)
+    assert error(found, exact) < 0.015
+    assert rays < 300
+
+
+def test_gathered_light_grows_exact_with_the_rays(full_room):
+    scene, points, exact = full_room
+    (few, _), (many, _) = (bake(scene, points, rays=rays) for rays in (40, 1000))
+    assert error(many, exact) < 0.01
+    assert error(few, exact) > 1.5 * error(many, exact)
+
+
+def test_light_is_neither_lost_nor_made_in_a_crowd(full_room):
+    scene, points, exact = full_room
+    assert bake(scene, points)[0].sum() == pytest.approx(exact.sum(), rel=5e-3)
+
+
+def test_a_fine_mesh_is_as_exact_as_a_coarse_one_with_far_fewer_particles_than_triangles():
+    coarse = crowd(2, 0)
+    fine = fmm_core.Scene(finer(coarse[0], 5), np.repeat(coarse[1], 4**5, axis=0), np.repeat(coarse[2], 4**5))
+    # On the walls: in the narrow gap below a block the patches of the direct method are too coarse.
+    points = shapes.random_points(coarse[0][:12], 100)
+    exact = fmm_core.solve(
+        fmm_core.Scene(*coarse), fmm_core.Settings(method="direct", particles=8000, probes=0)
+    ).irradiance(*points)
+    solution = fmm_core.solve(fine, fmm_core.Settings(method="fmm", particles=6000, probes=0))
+    assert len(solution.particles) < len(fine.triangles) / 3
+    sides = coarse[0][:, 1:] - coarse[0][:, :1]
+    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum() / 2
+    assert solution.particles.weights.sum() == pytest.approx(area)
+    assert error(solution.irradiance(*points), exact) < 0.015
+
+
+def test_no_particle_stands_for_two_objects_or_two_colours():
+    sheet = finer(shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]), 5)
+    triangles = np.concatenate([sheet, sheet + [0.0, 0.0, 1e-4]])
+    albedo = np.where(sheet.mean(axis=1)[:, :1] < 0.5, 0.2, 0.7)
+    scene = fmm_core.Scene(triangles, np.tile(albedo, (2, 1)) * np.ones(3), np.full(len(triangles), 1.0))
+    particles = make_particles(scene, 100, 1, lambda points, normals: np.zeros(len(points), bool))
+    assert len(particles) < len(triangles) / 4
+    node = particles.parts[: len(triangles), 0]
+    height, colour = triangles.mean(axis=1)[:, 2], scene.albedo[:, 0]
+    for values in (height, colour):
+        assert np.array_equal(values[particles.triangle[node]], values)
+
+
+def test_a_group_is_stood_for_by_a_triangle_that_can_be_seen():
+    sheet = finer(shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]), 4)
+    scene = fmm_core.Scene(sheet, 0.5, 1.0)
+    particles = make_particles(scene, 10, 1, lambda points, normals: points[:, 0] < 0.95)
+    in_sight = [group for group in np.unique(particles.parts[: len(sheet), 0]) if _reaches(particles, sheet, group)]
+    assert len(in_sight) > 0
+    assert (particles.positions[in_sight, 0] >= 0.95).all()
+
+
+def _reaches(particles, sheet, group):
+    members = particles.parts[: len(sheet), 0] == group
+    return (sheet[members].mean(axis=1)[:, 0] >= 0.95).any()
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.97))
+@settings(max_examples=10, deadline=None)
+def test_krylov_and_shooting_end_at_the_same_light(seed, albedo):
+    rng = np.random.default_rng(seed)
+    triangles = rng.uniform(-1, 1, (20, 3, 3))
+    scene = fmm_core.Scene(triangles, albedo, rng.uniform(0, 1, 20), two_sided=True)
+    solved = [
+        fmm_core.solve(scene, fmm_core.Settings(particles=200, iteration=iteration, tolerance=1e-6)).radiosity
+        for iteration in ("krylov", "shooting")
+    ]
+    assert solved[0] == pytest.approx(solved[1], rel=1e-4, abs=1e-8)
+
+
+def test_bright_surfaces_want_few_applications():
+    scene = fmm_core.Scene(np.concatenate([shapes.room(), LAMP]), 0.99, (np.arange(14) >= 12).astype(float))
+    report = fmm_core.solve(scene, fmm_core.Settings(particles=1000)).report
+    assert not report["warnings"]
+    assert len(report["residuals"]) <= 30
