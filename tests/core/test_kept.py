@@ -262,3 +262,22 @@ def test_an_emitter_that_comes_to_stand_out_gets_particles_of_its_own():
     made = particles.make_particles(first, 200, 1)
     assert particles.serve(made, first, fmm_core.Scene(TWO_BLOCKS, 0.5, 3 * dim))
     assert not particles.serve(made, first, fmm_core.Scene(TWO_BLOCKS, 0.5, bright))
+
+
+def test_the_same_rays_in_other_geometry_are_other_rays():
+    kept, up = fmm_core.KeptVisibility(), np.ones((9, 3), np.float32)
+
+    class Tracer:
+        def __init__(self, answer):
+            self.answer = answer
+
+        def run(self, origins, *_, **__):
+            return np.full(len(origins), self.answer, np.int32)
+
+    tracers = []
+    for triangles, answer in ((TWO_BLOCKS, 0), (2 * TWO_BLOCKS, -1)):
+        kept.take(fmm_core.Scene(triangles, ALBEDO, EMISSION))
+        tracers.append(kept.around(Tracer(answer)))
+    for _ in range(2):
+        assert [tracer.run(up, up, query="OCCLUDED").tolist() for tracer in tracers] == [[0] * 9, [-1] * 9]
+    assert [tracer.replayed for tracer in tracers] == [9, 9]
