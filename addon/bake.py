@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import fmm_core
@@ -20,57 +21,129 @@ from . import attributes, export
 if TYPE_CHECKING:
     import bpy
 
+    from .session import Session
+
 #: What ends a bake with one line for the user; anything else is a mistake of the program.
 FAILURES = (fmm_core.Error, MemoryError)
 #: Called with a fraction from 0 to 1 and a text; returning False cancels.
 Progress = Callable[[float, str], bool | None]
+#: Of the file beside the .blend that keeps what rays found.
+KEPT_SUFFIX = ".fmm-visibility"
 
 
 @dataclass(frozen=True)
 class Input:
-    """What a solve needs: the arrays of the scene, and the seconds it took to read them."""
+    """What a solve needs: the arrays of the scene, and the seconds it took to read them.
+
+    kept: the file that keeps visibility, or None; warnings: what could not be done as asked, one line each
+    """
 
     arrays: export.SceneArrays
     seconds: float
+    kept: Path | None = None
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Result:
-    """What a solve gives: colours (C,3), linear radiance of every corner of the receivers, and the solution."""
+    """What a solve gives: colours (C,3), linear radiance of every corner of the receivers, and the solution.
+
+    warnings: those that are neither of the arrays nor of the solution
+    """
 
     arrays: export.SceneArrays
     colours: np.ndarray
     solution: fmm_core.Solution
     seconds_export: float
+    warnings: tuple[str, ...] = ()
 
 
-def bake(context: bpy.types.Context, settings: fmm_core.Settings, progress: Progress | None = None) -> dict:
-    """Bake the scene of a context; returns the report.
+def bake(
+    context: bpy.types.Context,
+    settings: fmm_core.Settings,
+    progress: Progress | None = None,
+    keep: bool = False,
+    session: Session | None = None,
+) -> dict:
+    """Bake the scene of a context; returns the report. keep as in `read`, session as in `compute`.
 
     Raises fmm_core.Error, in one line, on anything that cannot be baked, and fmm_core.Cancelled; the scene is then as
     it was.
     """
-    return write(compute(read(context), settings, progress))
+    return write(compute(read(context, keep), settings, progress, session))
 
 
-def read(context: bpy.types.Context) -> Input:
-    """Read the scene of a context, and check already here that its meshes can be written."""
+def read(context: bpy.types.Context, keep: bool = False) -> Input:
+    """Read the scene of a context, and check already here that its meshes can be written.
+
+    keep: what rays find is kept in a file beside the .blend, and taken from there if it is of the same geometry.
+    """
     start = time.perf_counter()
     arrays = export.read_scene(context.evaluated_depsgraph_get())
     attributes.check(arrays.receivers)
-    return Input(arrays, time.perf_counter() - start)
+    blend, kept, warnings = context.blend_data.filepath, None, ()
+    if keep and blend:
+        kept = Path(blend).with_suffix(KEPT_SUFFIX)
+    elif keep:
+        warnings = ("visibility is not kept: save the .blend first, the file goes beside it",)
+    return Input(arrays, time.perf_counter() - start, kept, warnings)
 
 
-def compute(data: Input, settings: fmm_core.Settings, progress: Progress | None = None) -> Result:
-    """Solve and gather at the corners; never touches Blender."""
-    arrays = data.arrays
+def compute(
+    data: Input, settings: fmm_core.Settings, progress: Progress | None = None, session: Session | None = None
+) -> Result:
+    """Solve and gather at the corners; never touches Blender.
+
+    session: its solution is used where it serves, and is then that of this bake.
+    """
+    arrays, warnings = data.arrays, list(data.warnings)
     scene = fmm_core.Scene(arrays.triangles, arrays.albedo, arrays.emission, arrays.two_sided)
-    solution = fmm_core.solve(scene, settings, _part(progress, 0.0, 0.8))
+    solution = None if session is None else session.solution
+    if solution is not None and _serves(solution, scene, settings, data.kept):
+        solution = solution.relight(arrays.emission, arrays.albedo, _part(progress, 0.0, 0.8))
+    else:
+        # Two at a time may be too much for the memory.
+        solution = None
+        if session is not None:
+            session.solution = None
+        solution = fmm_core.solve(scene, settings, _part(progress, 0.0, 0.8), _load(data.kept, warnings))
     points = fmm_core.output_points(
         arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangle_centre
     )
     irradiance = solution.irradiance(points.points, points.normals, _part(progress, 0.8, 1.0))
-    return Result(arrays, outgoing_radiance(arrays, irradiance[points.inverse]), solution, data.seconds)
+    if session is not None:
+        session.solution = solution
+    _save(solution.kept, data.kept, warnings)
+    colours = outgoing_radiance(arrays, irradiance[points.inverse])
+    return Result(arrays, colours, solution, data.seconds, tuple(warnings))
+
+
+def _serves(solution: fmm_core.Solution, scene: fmm_core.Scene, settings: fmm_core.Settings, kept: Path | None) -> bool:
+    """Whether a solution is as good as a new one, and has what is to be kept."""
+    return (kept is None or solution.kept is not None) and solution.settings == settings and solution.serves(scene)
+
+
+def _load(path: Path | None, warnings: list[str]) -> fmm_core.KeptVisibility | None:
+    """What is kept in a file, nothing yet where there is none that is any good; None where nothing is to be kept."""
+    if path is None:
+        return None
+    try:
+        if path.exists():
+            return fmm_core.KeptVisibility.load(path)
+    except fmm_core.Error as error:
+        warnings.append(f"{error}; it is computed anew")
+    return fmm_core.KeptVisibility()
+
+
+def _save(kept: fmm_core.KeptVisibility | None, path: Path | None, warnings: list[str]) -> None:
+    """Keep in a file what it does not have yet; that it cannot be written is no reason to lose the bake."""
+    if kept is None or path is None:
+        return
+    try:
+        if kept.unsaved or not path.exists():
+            kept.save(path)
+    except fmm_core.Error as error:
+        warnings.append(f"visibility is not kept: {error}")
 
 
 def outgoing_radiance(arrays: export.SceneArrays, irradiance: np.ndarray) -> np.ndarray:
@@ -86,7 +159,7 @@ def write(result: Result) -> dict:
     seconds = dict(report["seconds"], export=result.seconds_export, write=time.perf_counter() - start)
     seconds["total"] = sum(value for phase, value in seconds.items() if phase != "total")
     report["seconds"] = seconds
-    report["warnings"] = [*result.arrays.warnings, *report["warnings"]]
+    report["warnings"] = [*result.arrays.warnings, *report["warnings"], *result.warnings]
     return report
 
 
@@ -109,4 +182,6 @@ def summary(report: dict) -> str:
     counts, error = report["counts"], report.get("error") or {}
     measured, seconds = error.get("measured_rms"), report["seconds"]["total"]
     text = f"{counts['output_points']:,} points from {counts['triangles']:,} triangles in {seconds:.2f} s"
-    return text if measured is None else f"{text}, measured error {100 * measured:.2g} %"
+    if measured is not None:
+        text = f"{text}, measured error {100 * measured:.2g} %"
+    return f"{text}, visibility kept" if report["visibility_kept"] and not counts["rays"] else text

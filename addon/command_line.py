@@ -101,6 +101,8 @@ def _parser() -> _Parser:
     add("--method", help="direct: every particle with every other one")
     add("--target-error", type=float, help="relative error that is good enough, as 0.01")
     add("--particles", type=int, help="about how many points gather the light (default: chosen from the scene)")
+    add("--keep-visibility", action="store_true", help=f"save what sees what in a {bake.KEPT_SUFFIX} beside the scene: "
+        "faster bakes with other lights and colours")  # fmt: skip
     add("--report", type=_file, help="also write numbers and warnings to this .json file")
     add("--preview", type=_file, help=f"also render a picture of {preview.SIZE} x {preview.SIZE} to this .png file")
     return parser
@@ -129,7 +131,7 @@ def _run(options: argparse.Namespace) -> dict:
     _leave_edit_mode()
     context = bpy.context
     settings = properties.settings_of(context.scene, **_chosen(options))
-    data = bake.read(context)
+    data = bake.read(context, options.keep_visibility or context.scene.fmm_radiosity.keep_visibility)
     report = bake.write(bake.compute(data, settings, _progress()))
     _write_files(options, report, data.arrays.corner_position)
     return report

@@ -21,9 +21,9 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
     )
     grouping: bpy.props.IntProperty(
         name="Grouping",
-        description="At most this many particles s in a leaf of the octree",
-        default=_DEFAULTS.grouping,
-        min=1,
+        description="At most this many particles s in a leaf of the octree, 0 to choose from the scene",
+        default=0,
+        min=0,
         max=4096,
     )
     particles: bpy.props.IntProperty(
@@ -41,6 +41,12 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
         max=1.0,
         precision=4,
     )
+    keep_visibility: bpy.props.BoolProperty(
+        name="Keep Visibility",
+        description="Save what sees what in a file beside the .blend, so that the next bake is faster, also in another "
+        "session, as long as only lights and colours have changed",
+        default=False,
+    )
 
 
 def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Settings:
@@ -48,7 +54,7 @@ def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Setting
     own = scene.fmm_radiosity
     values = {
         "truncation": own.truncation,
-        "grouping": own.grouping,
+        "grouping": own.grouping or None,
         "particles": own.particles or None,
         "target_error": own.target_error or None,
     }

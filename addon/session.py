@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a running Blender remembers between redraws and never saves: the bake under way and the last report."""
+"""What a running Blender remembers between redraws and never saves: the bake under way, and the last one."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import fmm_core
 
 
 @dataclass
@@ -22,10 +26,15 @@ class Running:
 
 @dataclass
 class Session:
-    """running: the bake under way or None; report: that of the last finished bake or None."""
+    """What is remembered.
+
+    running: the bake under way or None; report: that of the last finished bake or None; solution: what it solved, which
+    serves the next bake where only lights and colours have changed, or None.
+    """
 
     running: Running | None = None
     report: dict | None = None
+    solution: fmm_core.Solution | None = None
 
 
 session = Session()

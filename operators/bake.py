@@ -38,7 +38,8 @@ class FMM_RADIOSITY_OT_bake(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake straight through."""
         try:
-            report = bake.bake(context, properties.settings_of(context.scene))
+            keep = context.scene.fmm_radiosity.keep_visibility
+            report = bake.bake(context, properties.settings_of(context.scene), keep=keep, session=session)
         except bake.FAILURES as error:
             return self._fail(error)
         return self._succeed(report)
@@ -49,12 +50,12 @@ class FMM_RADIOSITY_OT_bake(bpy.types.Operator):
             return self.execute(context)
         try:
             settings = properties.settings_of(context.scene)
-            data = bake.read(context)
+            data = bake.read(context, context.scene.fmm_radiosity.keep_visibility)
         except bake.FAILURES as error:
             return self._fail(error)
         session.running = Running()
         self._pool = ThreadPoolExecutor(max_workers=1)
-        self._future = self._pool.submit(bake.compute, data, settings, session.running.progress)
+        self._future = self._pool.submit(bake.compute, data, settings, session.running.progress, session)
         self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
         context.workspace.status_text_set("Baking radiosity: Esc cancels")
         context.window_manager.modal_handler_add(self)

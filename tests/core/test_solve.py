@@ -134,7 +134,7 @@ def test_report_is_json_with_the_fixed_keys():
     assert report["seconds"]["total"] == pytest.approx(sum(v for k, v in report["seconds"].items() if k != "total"))
     assert set(report) == {
         "version", "settings", "effects", "counts", "postponement", "seconds", "peak_memory_mib", "residuals", "error",
-        "warnings",
+        "warnings", "visibility_kept",
     }  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 
 from .errors import Cancelled, Error
 from .evaluation import OutputPoints, output_points
+from .kept import KeptVisibility
 from .scene import MAX_ALBEDO, Scene
 from .settings import Settings
 from .solution import Solution
@@ -12,6 +13,7 @@ __all__ = [
     "MAX_ALBEDO",
     "Cancelled",
     "Error",
+    "KeptVisibility",
     "OutputPoints",
     "Scene",
     "Settings",

@@ -118,6 +118,26 @@ def strong_emitters(scene: Scene) -> NDArray[np.bool_]:
     return emission > 1.5 * (emission * areas).sum() / areas.sum()
 
 
+def serve(particles: Particles, first: Scene, scene: Scene) -> bool:
+    """Whether particles made for the lights and albedo of `first` do as well for those of `scene`, the same triangles.
+
+    They do not where other triangles emit, or stand out as emitters, nor where a group has got several albedos.
+    """
+    if ((first.emission > 0).any(axis=1) != (scene.emission > 0).any(axis=1)).any():
+        return False
+    if (strong_emitters(scene) & ~strong_emitters(first)).any():
+        return False
+    if particles.whole.all():
+        return True
+    before, now = _kinds(first), _kinds(scene)
+    return len(np.unique(np.column_stack([before, now]), axis=0)) == len(np.unique(before))
+
+
+def _kinds(scene: Scene) -> NDArray[np.float64]:
+    """(T,) a number for the surface of each triangle: only triangles of one kind are put together."""
+    return (np.column_stack([scene.albedo, scene.emission, scene.two_sided]) * _SPREAD).sum(axis=1)
+
+
 @dataclass(frozen=True)
 class _Cut:
     """Patches (P, 3, 3) of the front sides, the triangle of each (P,), and the rest as in `Particles`."""
@@ -158,8 +178,7 @@ def _grouped(scene: Scene, cut: _Cut, emits: NDArray[np.bool_], wanted: float, b
     if len(fine) == 0:
         return cut
     area = _areas(scene.triangles[fine])
-    kinds = np.column_stack([scene.albedo, scene.emission, scene.two_sided])[fine]
-    kinds = np.unique((kinds * _SPREAD).sum(axis=1), return_inverse=True)[1].astype(np.uint32)
+    kinds = np.unique(_kinds(scene)[fine], return_inverse=True)[1].astype(np.uint32)
     share = area.sum() / _areas(scene.triangles).sum()
     group = _binding.group(np.ascontiguousarray(scene.triangles[fine]), kinds, max(1, round(wanted * share)))
 

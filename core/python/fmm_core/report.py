@@ -37,6 +37,8 @@ class Report:
         self.postponement: float | None = None
         #: Rays that other solutions of the same scene had traced before.
         self.traced = 0
+        #: Whether anything that rays had found was kept from an earlier solve.
+        self.kept = False
         self.warnings = list(scene.warnings)
 
     @contextmanager
@@ -56,6 +58,7 @@ class Report:
             "effects": {},
             "counts": dict(self.counts),
             "postponement": self.postponement,
+            "visibility_kept": self.kept,
             "seconds": {**self.seconds, "total": sum(self.seconds.values())},
             "peak_memory_mib": peak_memory_mib(),
             "residuals": list(self.residuals),

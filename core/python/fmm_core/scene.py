@@ -66,8 +66,15 @@ class Scene:
             if not scene.emission.any():
                 raise Error("emission: the scene has no emitter, every triangle's emission is 0")
         if albedo is not None:
+            scene.warnings = [text for text in scene.warnings if not text.startswith("albedo ")]
             scene.albedo = _frozen(scene._clamped(_colours("albedo", albedo, self._given)[self.triangle_indices]))
         return scene
+
+    def same_geometry(self, other: "Scene") -> bool:
+        """Whether another scene was given the same triangles with the same sides."""
+        names = "triangles", "triangle_indices", "two_sided"
+        same = all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
+        return same and self._given == other._given
 
     def _with_area(self, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
         edges = corners - np.roll(corners, 1, axis=1)

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from .arrays import finite_rows, unit_rows
 from .errors import Error, memory_errors
 from .iteration import ITERATIONS
-from .particles import Particles
+from .kept import KeptVisibility
+from .particles import Particles, serve
 from .progress import Progress, ticker
 from .report import Report
 from .scene import Scene
@@ -22,6 +23,7 @@ class Solution:
 
     scene, settings   what was solved and how
     radiosity         (N, 3) at the particles, W/m^2
+    kept              the kept visibility that `solve` was given, or None
     """
 
     def __init__(
@@ -32,9 +34,13 @@ class Solution:
         exchange: Operator,
         radiosity: NDArray[np.float64],
         report: Report,
+        kept: KeptVisibility | None = None,
+        first: Scene | None = None,
     ) -> None:
         self.scene, self.settings = scene, settings
-        self.radiosity = radiosity
+        self.radiosity, self.kept = radiosity, kept
+        # The scene whose lights the particles were made for.
+        self._first = scene if first is None else first
         self._space, self._exchange, self._report = space, exchange, report
 
     def irradiance(
@@ -56,7 +62,16 @@ class Solution:
         # Expansions and corrections may leave a little less than nothing in the dark.
         irradiance = np.maximum(irradiance, 0.0)
         self._report.counts["rays"] = self._space.sums.rays - self._report.traced
+        self._report.kept |= self._space.sums.replayed > 0
         return irradiance
+
+    def serves(self, scene: Scene) -> bool:
+        """Whether `relight` with the lights and albedo of a scene does what a new solve of it would do.
+
+        It does not where the triangles are others, where others of them emit, or where triangles that share a particle
+        no longer have one albedo.
+        """
+        return self.scene.same_geometry(scene) and serve(self.particles, self._first, scene)
 
     def relight(
         self, emission: ArrayLike | None = None, albedo: ArrayLike | None = None, progress: Progress | None = None
@@ -70,12 +85,13 @@ class Solution:
         scene = self.scene.relit(emission, albedo)
         report = Report(self.settings, scene)
         report.counts.update(self._report.counts, rays=0, output_points=0)
+        report.kept = True
         report.postponement, report.traced = self._report.postponement, self._space.sums.rays
         tick = ticker(progress, 0.0, 1.0, "Exchanging light")
         with memory_errors(), report.time("transport"):
             iterate = ITERATIONS[self.settings.iteration]
             radiosity = iterate(self._exchange, scene, self.particles, self.settings, report, tick)
-        return Solution(scene, self.settings, self._space, self._exchange, radiosity, report)
+        return Solution(scene, self.settings, self._space, self._exchange, radiosity, report, self.kept, self._first)
 
     @property
     def particles(self) -> Particles:

@@ -5,8 +5,9 @@ from .accuracy import measure
 from .direct import DirectSpace
 from .errors import Error, memory_errors
 from .iteration import ITERATIONS
+from .kept import KeptVisibility
 from .multipole import MultipoleSpace
-from .particles import make_particles
+from .particles import make_particles, serve
 from .progress import Progress, ticker
 from .report import Report
 from .scene import Scene
@@ -23,33 +24,46 @@ MOST_AUTOMATIC = 20_000
 FEW_PARTICLES = 5000
 
 
-def solve(scene: Scene, settings: Settings | None = None, progress: Progress | None = None) -> Solution:
+def solve(
+    scene: Scene,
+    settings: Settings | None = None,
+    progress: Progress | None = None,
+    kept: KeptVisibility | None = None,
+) -> Solution:
     """Solves the radiosity equation B = E + albedo * irradiance(B) (eq 1) for a scene.
 
     progress(fraction, text) is called now and then; a false answer other than None cancels, which raises `Cancelled`.
+    kept: what rays found in earlier solves of these triangles, which is not traced again; what is traced is added.
+    Where it is of no use, a warning of the report says why.
     Raises `Error` on bad input or when memory does not suffice.
     """
     settings = Settings() if settings is None else settings
     if not isinstance(scene, Scene) or not isinstance(settings, Settings):
         raise Error(f"solve: expected a Scene and Settings, got {type(scene).__name__} and {type(settings).__name__}")
     with memory_errors():
-        return _solve(scene, settings, progress)
+        return _solve(scene, settings, progress, kept)
 
 
-def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solution:
+def _solve(scene: Scene, settings: Settings, progress: Progress | None, kept: KeptVisibility | None) -> Solution:
     report = Report(settings, scene)
+    if kept is not None:
+        report.warnings += kept.take(scene)
     if settings.target_error is not None:
         report.warnings.append(f"target_error {settings.target_error:g} is not used yet")
     triangles = len(scene.triangles)
     with report.time("visibility"):
-        occlusion = Occlusion(scene) if settings.visibility != "none" else None
+        occlusion = Occlusion(scene, kept) if settings.visibility != "none" else None
     with report.time("tree"):
         count = settings.particles or min(max(AUTOMATIC_PARTICLES, triangles), MOST_AUTOMATIC)
         few = settings.method is None and settings.visibility != "cells" and max(count, triangles) <= FEW_PARTICLES
         multipole = settings.method != "direct" and not few
         degree = settings.quadrature or (2 if triangles < count else 1)
         buried = occlusion.buried if multipole and settings.visibility == "rays" else None
-        particles = make_particles(scene, count, degree, buried)
+        first = scene if kept is None else kept.first(scene)
+        particles = make_particles(first, count, degree, buried)
+        if kept is not None and not serve(particles, first, scene):
+            first, particles = scene, make_particles(scene, count, degree, buried)
+            report.warnings += kept.remake(scene)
     report.counts.update(triangles=triangles, particles=len(particles))
     single = 6.0 if multipole and occlusion else 12.0
     sums = Sums(particles, occlusion, settings.near_reach or (single if degree == 1 else 4.0))
@@ -70,5 +84,5 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None) -> Solut
         if settings.probes:
             with report.time("accuracy"):
                 report.error = measure(exchange, sums, radiosity, settings)
-    report.counts["rays"] = sums.rays
-    return Solution(scene, settings, space, exchange, radiosity, report)
+    report.counts["rays"], report.kept = sums.rays, sums.replayed > 0
+    return Solution(scene, settings, space, exchange, radiosity, report, kept, first)

@@ -84,7 +84,12 @@ class Sums:
     @property
     def rays(self) -> int:
         """Rays traced so far."""
-        return self.occlusion.rays if self.occlusion else 0
+        return self.occlusion.rays - self.occlusion.replayed if self.occlusion else 0
+
+    @property
+    def replayed(self) -> int:
+        """Rays so far whose answers were kept."""
+        return self.occlusion.replayed if self.occlusion else 0
 
     def correction(
         self,

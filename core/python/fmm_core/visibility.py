@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
+from .kept import HIT_STEPS, KeptVisibility, Replaying
 from .particles import Particles
 from .progress import Tick, silent
 from .scene import Scene
@@ -42,10 +43,11 @@ CELLS_PER_BLOCK = 16
 class Occlusion:
     """Shadow rays against the triangles of a scene, in single precision inside a unit box.
 
-    rays    how many have been traced so far
+    rays    how many have been asked so far, those included whose answers were kept
+    kept    answers of earlier solves, and where those of this one go, or None
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, kept: KeptVisibility | None = None) -> None:
         self._centre = scene.centre
         self._scale = scene.size / 2
         self.triangles, self._two_sided = scene.triangles, scene.two_sided
@@ -57,6 +59,13 @@ class Occlusion:
         self._mesh = embreex.mesh_construction.TriangleMesh(self._scene, corners)
         # The first call commits the scene, which must not happen in several threads at once.
         self._occluded(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+        if kept is not None:
+            self._scene = kept.around(self._scene)
+
+    @property
+    def replayed(self) -> int:
+        """Rays whose answers were kept."""
+        return self._scene.replayed if isinstance(self._scene, Replaying) else 0
 
     def _occluded(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> NDArray[np.bool_]:
         if len(origins) == 0:
@@ -167,7 +176,7 @@ class Occlusion:
         if len(origins) == 0:
             return np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.float32)
         met = self._scene.run(origins, directions, query="INTERSECT", output=True)
-        return met["primID"], met["u"], met["v"]
+        return met["primID"], _on_grid(met["u"]), _on_grid(met["v"])
 
     def find_cells(self, fmm: _binding.Fmm, tick: Tick = silent) -> None:
         """Turns the lists of a fast multipole sum into visible ones by pairs of cells, as in section 5 of the paper."""
@@ -202,6 +211,11 @@ class Occlusion:
 
     def _lifted(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
         return (points - self._centre) / self._scale + OFFSET * normals
+
+
+def _on_grid(shares: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Where on a triangle, as far as it matters: so it takes half as much to keep."""
+    return np.round(np.clip(shares, 0, 1) * np.float32(HIT_STEPS)) / np.float32(HIT_STEPS)
 
 
 def _run_blocks(work: Callable[[slice], int], count: int, size: int, tick: Tick) -> int:
