@@ -19,10 +19,11 @@ Our seconds are those from arrays to irradiance: scene, output points (one for e
 gather, through the public API. A small solve and a small bake before the timing load libraries and tables. Each engine
 runs in a process of its own; peak memory is that of the whole process.
 
-The truth is the direct sum with all rays over the radiosity of a much finer solution, kept in a cache folder between
-runs. `bias_against_cycles` is its distance from the expectation of Cycles, from the product of the differences of two
-independent bakes, in which noise drops out, give or take `bias_noise` (one standard error, both squared);
-`cycles_brighter_by` is the part of it that a common factor makes up, which is known much better.
+The truth is the direct sum with all rays over the radiosity of a much finer solution. For the clutter it is 16,384 rays
+over the hemisphere of each corner: objects cut each other there, and one ray a patch misses what is left of it. It is
+kept in a cache folder between runs. `bias_against_cycles` is its distance from the expectation of Cycles, from the
+product of the differences of two independent bakes, in which noise drops out, give or take `bias_noise` (one standard
+error, both squared); `cycles_brighter_by` is the part of it that a common factor makes up, which is known much better.
 """
 
 import argparse
@@ -41,7 +42,7 @@ from cycles_bake import Mesh, bake
 from fmm_core import Scene, Settings, solve
 from fmm_core.report import peak_memory_mib
 from numpy.typing import NDArray
-from scenes import FINE, VERTICES, clutter_mesh, cornell, cornell_mesh, exact_gather, timed_bake
+from scenes import FINE, VERTICES, clutter_mesh, cornell, cornell_mesh, exact_gather, many_rays, timed_bake
 
 #: The error that counts as good: both are compared there as well.
 GOOD = 0.01
@@ -94,7 +95,8 @@ def truth(scene: Scene, points: tuple[Array, Array], settings: Settings, cache: 
 
 def fine_irradiance(scene: Scene, points: tuple[Array, Array], settings: Settings) -> Array:
     """The truth itself; its memory goes with the process that it runs in."""
-    return exact_gather(solve(scene, settings), points)
+    solution = solve(scene, settings)
+    return exact_gather(solution, points) if settings.method == "direct" else many_rays(solution, points)
 
 
 def bias(bakes: Array, samples: Sequence[int], exact: Array) -> dict[str, float | None]:

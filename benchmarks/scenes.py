@@ -13,6 +13,7 @@ import numpy as np
 from common import Array, Row, print_rows, relative_l2
 from cycles_bake import Mesh, gridded
 from fmm_core import Scene, Settings, Solution, solve
+from fmm_core.accuracy import by_rays
 from fmm_core.direct import DirectSpace
 from numpy.typing import NDArray
 
@@ -21,6 +22,8 @@ Points = tuple[Array, Array]
 SAMPLE = 2000
 #: Rays a receiver of default settings, and of fine ones.
 RAYS = (Settings().rays, 1500)
+#: Rays over the hemisphere that a truth is found with.
+TRUTH_RAYS = 16_384
 #: Particles of a truth in which none stands for several triangles.
 FINE = 60_000
 #: Vertices of each scene, those of the clutter at its usual level of subdivision, and those of the growth.
@@ -123,6 +126,11 @@ def exact_gather(solution: Solution, points: tuple[Array, Array]) -> Array:
     return DirectSpace(solution._space.sums).gather(*points, solution.radiosity)
 
 
+def many_rays(solution: Solution, points: Points) -> Array:
+    """The same by very many rays over the hemisphere, which see what is left of a patch that another object cuts."""
+    return by_rays(solution._space.sums, solution.radiosity, *points, rays=TRUTH_RAYS)
+
+
 def compare(
     name: str, scene: Scene, points: Points, settings: Settings, judged: NDArray[np.int64], exact: Array
 ) -> Row:
@@ -154,7 +162,13 @@ def compare(
         "relight_against_fresh": relative_l2(relit, fresh.irradiance(*points)),
         "postponement": report["postponement"],
         "memory_mib": report["peak_memory_mib"],
+        "irradiance": irradiance,
     }
+
+
+def without_irradiance(row: Row) -> Row:
+    """What is to be printed of a row."""
+    return {name: value for name, value in row.items() if name != "irradiance"}
 
 
 def chosen(count: int) -> NDArray[np.int64]:
@@ -170,7 +184,7 @@ def run_cornell(small: bool) -> list[Row]:
     rows = chosen(len(points[0]))
     exact = exact_gather(reference, (points[0][rows], points[1][rows]))
     each = [Settings(method="fmm", particles=particles, rays=rays, probes=0) for rays in RAYS]
-    return [compare("cornell", scene, points, settings, rows, exact) for settings in each]
+    return [without_irradiance(compare("cornell", scene, points, settings, rows, exact)) for settings in each]
 
 
 def run_clutter(small: bool) -> list[Row]:
@@ -180,9 +194,13 @@ def run_clutter(small: bool) -> list[Row]:
     rows = np.unique(output.inverse[mesh.interior_corners()])
     rows = rows[chosen(len(rows))]
     fine = solve(scene, Settings(method="fmm", particles=FINE, rays=10 * RAYS[0], probes=0))
-    exact = exact_gather(fine, (output.points[rows], output.normals[rows]))
-    each = [Settings(rays=rays, probes=0) for rays in RAYS]
-    return [compare("clutter", scene, (output.points, output.normals), settings, rows, exact) for settings in each]
+    judged = output.points[rows], output.normals[rows]
+    exact, by_many = exact_gather(fine, judged), many_rays(fine, judged)
+    found = []
+    for rays in RAYS:
+        row = compare("clutter", scene, (output.points, output.normals), Settings(rays=rays, probes=0), rows, exact)
+        found.append(without_irradiance(row) | {"l2_error_by_rays": relative_l2(row["irradiance"][rows], by_many)})
+    return found
 
 
 def run_growth(small: bool) -> list[Row]:
@@ -196,7 +214,8 @@ def run_growth(small: bool) -> list[Row]:
         rows = rows[chosen(len(rows))]
         exact = exact_gather(reference, (output.points[rows], output.normals[rows]))
         points = output.points, output.normals
-        found.append(compare("growth", mesh.scene(), points, Settings(method="fmm", probes=0), rows, exact))
+        row = compare("growth", mesh.scene(), points, Settings(method="fmm", probes=0), rows, exact)
+        found.append(without_irradiance(row))
         first = found[0]
         if len(found) > 1:
             grown = found[-1]["points"] / first["points"]

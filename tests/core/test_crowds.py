@@ -47,7 +47,7 @@ def error(found, exact):
 
 @pytest.fixture(scope="module")
 def full_room():
-    """The scene, points on it, and their irradiance by the direct method, itself 0.6 % off as its patches are coarse."""
+    """The scene, points on it, and their irradiance by the direct method, 0.6 % off for the size of its patches."""
     scene = fmm_core.Scene(*crowd(16, 1))
     reference = fmm_core.solve(scene, fmm_core.Settings(method="direct", particles=12_000, probes=0))
     points, normals = shapes.random_points(scene.triangles, 2)

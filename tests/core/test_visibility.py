@@ -54,6 +54,17 @@ def test_error_falls_with_the_rays(points, exact):
     assert error(two_blocks(**FMM, rays=2000).irradiance(*points), exact) < 0.004
 
 
+def test_measured_error_is_the_true_one(points):
+    # Not in the gaps under the blocks, which are far narrower than any patch.
+    above = points[0][:, 2] > 0.01
+    judged = points[0][above], points[1][above]
+    solution = two_blocks(method="fmm", probes=1000, quadrature=1)
+    true = error(solution.irradiance(*judged), two_blocks(method="direct", quadrature=1).irradiance(*judged))
+    measured = solution.report["error"]
+    assert measured["probes"] == 1000
+    assert true / 1.5 < measured["measured_rms"] < 1.5 * true
+
+
 def test_light_is_neither_lost_nor_made_on_the_whole(points, exact):
     found = two_blocks(**FMM).irradiance(*points)
     assert found.sum() == pytest.approx(exact.sum(), rel=3e-3)

@@ -273,6 +273,24 @@ impl Surface {
         let surface = ::fmm::surface::Surface::new(triangles(&scene)?, flat(&edges)?, halves, rule, patches);
         Ok(Surface { surface: surface.map_err(value_error)? })
     }
+
+    /// The source (R,) that each ray meets, or -1: triangles (R,), -1 for none, where on them, and directions (R, 3).
+    fn met<'py>(
+        &self,
+        py: Python<'py>,
+        triangles: PyReadonlyArray1<i32>,
+        u: PyReadonlyArray1<f32>,
+        v: PyReadonlyArray1<f32>,
+        directions: PyReadonlyArray2<f32>,
+    ) -> PyResult<Bound<'py, PyArray1<i64>>> {
+        let (triangles, u, v) = (flat(&triangles)?, flat(&u)?, flat(&v)?);
+        let directions = triples(&directions, "directions")?;
+        if [u.len(), v.len(), directions.len()] != [triangles.len(); 3] {
+            return Err(value_error("met: triangles, u, v and directions differ in length"));
+        }
+        let source = |i: usize| self.surface.met(triangles[i], (u[i], v[i]), directions[i]).map_or(-1, i64::from);
+        Ok(vector(py, py.detach(|| (0..triangles.len()).map(source).collect())))
+    }
 }
 
 /// The group (T,) of each triangle (T, 3, 3) of so many kinds (T,), at most about `count` of them.

@@ -227,10 +227,7 @@ fn directions(targets: &Octree, sources: &Octree, margin: &[f64], row: &[(u32, u
 impl Met<'_> {
     /// The source that a ray met, tree order; none behind a surface that has only a front.
     fn source(&self, ray: usize, surface: &Surface, sources: &Octree) -> Option<u32> {
-        let triangle = u32::try_from(self.triangles[ray]).ok()?;
-        let front = dot(surface.normal(triangle)?, self.directions[ray].map(f64::from)) < 0.0;
-        let at = (f64::from(self.u[ray]), f64::from(self.v[ray]));
-        let j = surface.source(triangle, at, front)?;
+        let j = surface.met(self.triangles[ray], (self.u[ray], self.v[ray]), self.directions[ray])?;
         sources.to_tree.get(j as usize).copied()
     }
 }

@@ -2,7 +2,7 @@
 //! From a point on an input triangle to the source that stands for it.
 
 use crate::error::{Error, same_length};
-use crate::vector::{cross, sub};
+use crate::vector::{cross, dot, sub};
 
 /// What a patch is followed by where there is nothing on its other side.
 pub const NO_PATCH: u32 = u32::MAX;
@@ -47,9 +47,11 @@ impl Surface {
         Ok(Self { normals, edges: edges.to_vec(), parts: parts.to_vec(), rule: rule.to_vec() })
     }
 
-    /// The normal of a triangle, not unit; None where there is no such triangle.
-    pub fn normal(&self, triangle: u32) -> Option<[f64; 3]> {
-        self.normals.get(triangle as usize).copied()
+    /// The source (scene order) that a ray meets on a triangle, -1 for none; none behind a surface that has only a front.
+    pub fn met(&self, triangle: i32, (u, v): (f32, f32), direction: [f32; 3]) -> Option<u32> {
+        let triangle = u32::try_from(triangle).ok()?;
+        let front = dot(*self.normals.get(triangle as usize)?, direction.map(f64::from)) < 0.0;
+        self.source(triangle, (f64::from(u), f64::from(v)), front)
     }
 
     /// The source (scene order) nearest to a point of a triangle, at its front or at its back; u and v weigh its second and

@@ -121,6 +121,13 @@ class Surface:
         rule: NDArray[np.float64],
         patches: int,
     ) -> None: ...
+    def met(
+        self,
+        triangles: NDArray[np.int32],
+        u: NDArray[np.float32],
+        v: NDArray[np.float32],
+        directions: NDArray[np.float32],
+    ) -> NDArray[np.int64]: ...
 
 def group(scene: NDArray[np.float64], kinds: NDArray[np.uint32], count: int) -> NDArray[np.uint32]: ...
 def error_bound(truncation: int, strength: float, source_radius: float, receiver_distance: float) -> float: ...

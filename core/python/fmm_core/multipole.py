@@ -29,6 +29,7 @@ class MultipoleSpace:
     grouping   the s in use, chosen by the cost model where the settings leave it open
     counts     how much work the exchange does, by pass
     pairs      pairs of boxes that see each other as a whole, that were postponed because they may not, and that do not
+    open       whether nothing is in the way of anything
     occlusion_seconds   seconds that visibility took in the sum made last
     """
 
@@ -40,10 +41,9 @@ class MultipoleSpace:
             self.grouping = choose_grouping(particles.positions, particles.normals, settings)
         self.counts: dict[str, int] = {}
         self.pairs = (0, 0, 0)
-        self.occlusion_seconds = 0.0
+        self.occlusion_seconds, self.open = 0.0, True
         self._gathered: tuple[Points, Points, Operator] | None = None
         self._openness: Points | None = None
-        self._surface = sums.occlusion.surface(particles) if sums.occlusion else None
 
     def exchange(self, tick: Tick = silent) -> Operator:
         tick(0.0)
@@ -83,6 +83,7 @@ class MultipoleSpace:
         start = time.perf_counter()
         occluded = self._occlude(fmm, targets is None, tick)
         self.occlusion_seconds = time.perf_counter() - start
+        self.open = self.open and not occluded
         if not occluded:
             return fmm, self.sums.correction(points, normals, open_space=True)
         return fmm, self.sums.correction(points, normals, fmm=fmm)
@@ -102,7 +103,7 @@ class MultipoleSpace:
             if self._openness is None:
                 self._openness = occlusion.openness(particles.positions, particles.normals, weights)
             weights = weights * self._openness
-        occlusion.trace(fmm, weights, self._surface, tick)
+        occlusion.trace(fmm, weights, self.sums.surface, tick)
         return True
 
     def _effort(self, exchange: bool) -> tuple[float, float, float, float, int, int]:

@@ -2,7 +2,7 @@
 """Triangles to patches and Gaussian quadrature points (section 3 of the paper, eq 12)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +70,14 @@ class Particles:
     def softening(self) -> NDArray[np.float64]:
         """(N,) squared distance below which a particle's kernel stops growing."""
         return np.repeat((SOFTENING * self.radii) ** 2, self.per_patch)
+
+    def only(self, chosen: NDArray[np.bool_]) -> "Particles":
+        """The particles (N,) that are chosen, patch by patch."""
+        patches = chosen.reshape(-1, self.per_patch)[:, 0]
+        of_points = ("positions", "normals", "weights", "triangle", "emits")
+        of_patches = ("patches", "areas", "radii", "whole")
+        parts = {name: getattr(self, name)[chosen] for name in of_points}
+        return replace(self, **parts, **{name: getattr(self, name)[patches] for name in of_patches})
 
     def of_points(self, of_patches: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N,) what is given for each patch (P,), for each of its points."""

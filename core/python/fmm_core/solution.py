@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .accuracy import measure
 from .arrays import finite_rows, unit_rows
 from .errors import Error, memory_errors
 from .iteration import ITERATIONS
 from .kept import KeptVisibility
+from .multipole import MultipoleSpace
 from .particles import Particles, serve
 from .progress import Progress, ticker
 from .report import Report
@@ -36,12 +38,13 @@ class Solution:
         report: Report,
         kept: KeptVisibility | None = None,
         first: Scene | None = None,
+        relit: bool = False,
     ) -> None:
         self.scene, self.settings = scene, settings
         self.radiosity, self.kept = radiosity, kept
         # The scene whose lights the particles were made for.
         self._first = scene if first is None else first
-        self._space, self._exchange, self._report = space, exchange, report
+        self._space, self._exchange, self._report, self._relit = space, exchange, report, relit
 
     def irradiance(
         self, points: ArrayLike, normals: ArrayLike, progress: Progress | None = None
@@ -59,11 +62,19 @@ class Solution:
                 points, normals, self.radiosity, ticker(progress, 0.0, 1.0, "Gathering light")
             )
         self._report.counts["output_points"] = len(points)
+        if self._is_measured(len(points)):
+            with memory_errors(), self._report.time("accuracy"):
+                self._report.error = measure(irradiance, self._space, self.radiosity, points, normals, self.settings)
         # Expansions and corrections may leave a little less than nothing in the dark.
         irradiance = np.maximum(irradiance, 0.0)
         self._report.counts["rays"] = self._space.sums.rays - self._report.traced
         self._report.kept |= self._space.sums.replayed > 0
         return irradiance
+
+    def _is_measured(self, count: int) -> bool:
+        """Once a solve, unless it shall trace no ray; the direct method is what others are measured by."""
+        wanted = self.settings.probes > 0 and count > 0 and self._report.error["measured_rms"] is None
+        return wanted and isinstance(self._space, MultipoleSpace) and not self._relit
 
     def serves(self, scene: Scene) -> bool:
         """Whether `relight` with the lights and albedo of a scene does what a new solve of it would do.
@@ -91,7 +102,9 @@ class Solution:
         with memory_errors(), report.time("transport"):
             iterate = ITERATIONS[self.settings.iteration]
             radiosity = iterate(self._exchange, scene, self.particles, self.settings, report, tick)
-        return Solution(scene, self.settings, self._space, self._exchange, radiosity, report, self.kept, self._first)
+        return Solution(
+            scene, self.settings, self._space, self._exchange, radiosity, report, self.kept, self._first, True
+        )
 
     @property
     def particles(self) -> Particles:

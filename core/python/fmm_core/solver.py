@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From a scene to its solution: particles, visibility, iteration."""
 
-from .accuracy import measure
 from .direct import DirectSpace
 from .errors import Error, memory_errors
 from .iteration import ITERATIONS
@@ -81,8 +80,5 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None, kept: Ke
         names = "pairs_valid", "pairs_partial", "pairs_invalid"
         report.counts.update(zip(names, space.pairs, strict=True))
         report.postponement = space.pairs[1] / max(1, sum(space.pairs))
-        if settings.probes:
-            with report.time("accuracy"):
-                report.error = measure(exchange, sums, radiosity, settings)
     report.counts["rays"], report.kept = sums.rays, sums.replayed > 0
     return Solution(scene, settings, space, exchange, radiosity, report, kept, first)

@@ -2,6 +2,7 @@
 """Linear operators from the particles' radiosity to irradiance at fixed receivers."""
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -64,12 +65,17 @@ class Sums:
     """
 
     def __init__(self, particles: Particles, occlusion: Occlusion | None, near_reach: float) -> None:
-        self.particles, self.occlusion = particles, occlusion
+        self.particles, self.occlusion, self.near_reach = particles, occlusion, near_reach
         # A group of triangles has no exact form factor: what is so near is found by rays.
         self._reach = (1 + ROUNDING) * near_reach * particles.radii * particles.whole
         self.sources = _binding.Sources(
             particles.positions, particles.normals, particles.softening, particles.areas, particles.per_patch
         )
+
+    @cached_property
+    def surface(self) -> _binding.Surface | None:
+        """What tells which particle stands for a point on a triangle; None where nothing is in the way."""
+        return self.occlusion.surface(self.particles) if self.occlusion else None
 
     @property
     def reach(self) -> NDArray[np.float64]:

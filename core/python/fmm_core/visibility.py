@@ -178,6 +178,19 @@ class Occlusion:
         met = self._scene.run(origins, directions, query="INTERSECT", output=True)
         return met["primID"], _on_grid(met["u"]), _on_grid(met["v"])
 
+    def met_over_hemispheres(
+        self,
+        points: NDArray[np.float64],
+        directions: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        surface: _binding.Surface,
+    ) -> NDArray[np.int64]:
+        """(M, K) the particle that each ray from a point (M, 3) meets, or -1; directions (M, K, 3)."""
+        origins = np.repeat(self._lifted(points, normals).astype(np.float32), directions.shape[1], axis=0)
+        flat = directions.reshape(-1, 3).astype(np.float32)
+        self.rays += len(flat)
+        return surface.met(*self._met(origins, flat), flat).reshape(directions.shape[:2])
+
     def find_cells(self, fmm: _binding.Fmm, tick: Tick = silent) -> None:
         """Turns the lists of a fast multipole sum into visible ones by pairs of cells, as in section 5 of the paper."""
 
