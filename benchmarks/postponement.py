@@ -57,7 +57,8 @@ def room(blocks: int) -> Triangles:
 
 def alternative() -> Triangles:
     """The gallery of the examples, as the extension reads it."""
-    sys.path.insert(0, str(ROOT))
+    # Blender has a module `cycles`, which the benchmark of that name must not hide.
+    sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder) != Path(__file__).parent)]
     bpy = importlib.import_module("bpy")
     importlib.import_module("addon.standalone")._load_extension()
     export = importlib.import_module("fmm_radiosity.addon.export")
