@@ -101,6 +101,7 @@ def _parser() -> _Parser:
     add("--method", help="direct: every particle with every other one")
     add("--target-error", type=float, help="relative error that is good enough, as 0.01")
     add("--particles", type=int, help="about how many points gather the light (default: chosen from the scene)")
+    add("--rays", type=int, help="about how many shadow rays a colour, less grain for more (default: as in the scene)")
     add("--keep-visibility", action="store_true", help=f"save what sees what in a {bake.KEPT_SUFFIX} beside the scene: "
         "faster bakes with other lights and colours")  # fmt: skip
     add("--report", type=_file, help="also write numbers and warnings to this .json file")
@@ -116,7 +117,7 @@ def _file(name: str) -> Path:
 
 def _chosen(options: argparse.Namespace) -> dict[str, object]:
     """The settings that were given; the others come from the scene."""
-    names = ("truncation", "grouping", "method", "target_error", "particles")
+    names = ("truncation", "grouping", "method", "target_error", "particles", "rays")
     return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
 
 

@@ -24,7 +24,7 @@ class FMM_RADIOSITY_PT_bake(bpy.types.Panel):
         layout.use_property_decorate = False
         column = layout.column()
         column.enabled = session.running is None
-        for name in ("truncation", "grouping", "particles", "target_error", "keep_visibility"):
+        for name in ("truncation", "grouping", "particles", "rays", "target_error", "keep_visibility"):
             column.prop(context.scene.fmm_radiosity, name)
         if session.running is None:
             layout.operator("fmm_radiosity.bake", icon="RENDER_STILL")

@@ -33,6 +33,14 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
         min=0,
         soft_max=1_000_000,
     )
+    rays: bpy.props.IntProperty(
+        name="Rays",
+        description="About how many shadow rays each colour is found with: more is slower and less grainy",
+        default=_DEFAULTS.rays,
+        min=10,
+        soft_max=5000,
+        max=100_000,
+    )
     target_error: bpy.props.FloatProperty(
         name="Target Error",
         description="Relative error of the light that is good enough, 0 to use the other settings as they are",
@@ -56,6 +64,7 @@ def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Setting
         "truncation": own.truncation,
         "grouping": own.grouping or None,
         "particles": own.particles or None,
+        "rays": own.rays,
         "target_error": own.target_error or None,
     }
     return fmm_core.Settings(**(values | overrides))

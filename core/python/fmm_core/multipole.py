@@ -81,14 +81,14 @@ class MultipoleSpace:
         )
         tick(0.1)
         start = time.perf_counter()
-        occluded = self._occlude(fmm, targets is None, tick)
+        occluded = self._occlude(fmm, len(points), targets is None, tick)
         self.occlusion_seconds = time.perf_counter() - start
         self.open = self.open and not occluded
         if not occluded:
             return fmm, self.sums.correction(points, normals, open_space=True)
         return fmm, self.sums.correction(points, normals, fmm=fmm)
 
-    def _occlude(self, fmm: _binding.Fmm, exchange: bool, tick: Tick) -> bool:
+    def _occlude(self, fmm: _binding.Fmm, points: int, exchange: bool, tick: Tick) -> bool:
         """Reduces the lists of a sum to visible ones; false where nothing can be in the way."""
         particles, occlusion = self.sums.particles, self.sums.occlusion
         if occlusion is not None and self._settings.visibility == "cells":
@@ -99,11 +99,12 @@ class MultipoleSpace:
         tick(0.2)
         weights, radii = particles.visibility_weights, particles.of_points(particles.radii)
         sources = particles.weights, weights, self.sums.reach, self.sums.coarse, radii
-        if occlusion.occlude(fmm, sources, self._effort(exchange)):
+        effort = self._effort(exchange)
+        if occlusion.occlude(fmm, sources, effort):
             if self._openness is None:
                 self._openness = occlusion.openness(particles.positions, particles.normals, weights)
             weights = weights * self._openness
-        occlusion.trace(fmm, weights, self.sums.surface, tick)
+        occlusion.trace(fmm, weights, self.sums.surface, points, effort[-1], tick)
         return True
 
     def _effort(self, exchange: bool) -> tuple[float, float, float, float, int, int]:

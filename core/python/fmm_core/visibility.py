@@ -34,8 +34,10 @@ BLOCK_PAIRS = 1 << 16
 OPENNESS_RAYS = 48
 #: Rays that tell whether a point is inside an object.
 BURIED_RAYS = 5
-#: Leaves whose links are filled in one block: about 100,000 rays.
-LEAVES_PER_BLOCK = 16
+#: Rays that are traced together, where there are enough of them for all cores.
+BATCH = 150_000
+#: However few there are they make so many batches, the same on all machines: what is kept is found by them.
+LEAST_BATCHES = 8
 #: Cells that rays are shot from in one block.
 CELLS_PER_BLOCK = 16
 
@@ -150,9 +152,15 @@ class Occlusion:
         return fmm.occlude(list(sources), (tuple(self._centre), self._scale, OFFSET), effort)
 
     def trace(
-        self, fmm: _binding.Fmm, weights: NDArray[np.float64], surface: _binding.Surface, tick: Tick = silent
+        self,
+        fmm: _binding.Fmm,
+        weights: NDArray[np.float64],
+        surface: _binding.Surface,
+        points: int,
+        rays: int,
+        tick: Tick = silent,
     ) -> None:
-        """Traces the rays that a sum wants after `occlude`."""
+        """Traces the rays that a sum wants after `occlude`: for so many receivers up to about so many each."""
         fmm.link(weights)
 
         def link(leaves: slice) -> int:
@@ -168,8 +176,11 @@ class Occlusion:
             fmm.take_hits(surface, (leaves.start, leaves.stop), points, directions, *self._met(origins, directions))
             return len(points)
 
-        self.rays += _run_blocks(link, fmm.linked_leaves(), LEAVES_PER_BLOCK, lambda done: tick(0.3 + 0.3 * done))
-        self.rays += _run_blocks(gather, fmm.open_leaves(), LEAVES_PER_BLOCK, lambda done: tick(0.6 + 0.3 * done))
+        for work, leaves, start in ((link, fmm.linked_leaves(), 0.3), (gather, fmm.open_leaves(), 0.6)):
+            # A leaf's rays are known once they are made: about half of its points' directions are open.
+            size = BATCH * max(1, leaves) // max(1, points * rays // 2)
+            size = min(max(1, size), max(1, leaves // LEAST_BATCHES))
+            self.rays += _run_blocks(work, leaves, size, lambda done, start=start: tick(start + 0.3 * done))
 
     def _met(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> tuple[NDArray, NDArray, NDArray]:
         """What rays meet: triangles, -1 for none, and where on them, u and v."""
