@@ -281,3 +281,10 @@ def test_the_same_rays_in_other_geometry_are_other_rays():
     for _ in range(2):
         assert [tracer.run(up, up, query="OCCLUDED").tolist() for tracer in tracers] == [[0] * 9, [-1] * 9]
     assert [tracer.replayed for tracer in tracers] == [9, 9]
+
+
+def test_what_was_never_used_can_be_saved_and_loaded(tmp_path):
+    fmm_core.KeptVisibility().save(tmp_path / "unused")
+    kept = fmm_core.KeptVisibility.load(tmp_path / "unused")
+    with pytest.raises(fmm_core.Error, match="kept: expected KeptVisibility or None, got str"):
+        fmm_core.solve(fmm_core.Scene(shapes.room(), 0.5, 1.0), kept=str(kept))

@@ -125,3 +125,34 @@ def test_relight_refuses_what_a_scene_refuses():
     with pytest.raises(fmm_core.Error, match="no emitter"):
         solution.relight(emission=0.0)
     assert "albedo 1.5 is clamped to 0.999" in solution.relight(albedo=1.5).report["warnings"]
+
+
+def test_relight_says_where_a_new_solve_is_more_exact():
+    scene = fmm_core.Scene(TWO_BLOCKS, ALBEDO, EMISSION)
+    solution = fmm_core.solve(scene, fmm_core.Settings(particles=2000, **FMM))
+    assert not solution.relight(emission=2.0 * EMISSION).report["warnings"]
+    other = np.where(np.arange(len(TWO_BLOCKS)) == 20, 5.0, 0.0)
+    assert "a new solve is more exact" in solution.relight(emission=other).report["warnings"][0]
+
+
+def test_faces_that_coincide_and_look_away_from_each_other_both_count():
+    box = block([0.3, 0.3, 0.3], [0.6, 0.6, 0.6])
+    triangles = np.concatenate([shapes.room(), LAMP, box, box[:, ::-1]])
+    scene = fmm_core.Scene(triangles, 0.7, np.where(np.arange(len(triangles)) // 2 == 6, 10.0, 0.0))
+    points = shapes.random_points(np.concatenate([shapes.room(), box]), 30)
+    direct = fmm_core.solve(scene, fmm_core.Settings(particles=4000, method="direct")).irradiance(*points)
+    found = fmm_core.solve(scene, fmm_core.Settings(particles=4000, **FMM)).irradiance(*points)
+    assert error(found, direct) < 0.015
+
+
+@pytest.mark.parametrize("away", [1e6, -3e5])
+def test_shadows_stay_far_from_the_origin(points, away):
+    far = np.array([away, 0.5 * away, away])
+    here, there = (
+        fmm_core.solve(fmm_core.Scene(TWO_BLOCKS + shift, ALBEDO, EMISSION), fmm_core.Settings(particles=3000, **FMM))
+        for shift in (0.0, far)
+    )
+    assert there.report["counts"]["rays"] > 0
+    assert np.abs(there.particles.positions - far - here.particles.positions).max() < 1e-6
+    # Where a ray grazes an edge the rounding of the corners decides.
+    assert error(there.irradiance(points[0] + far, points[1]), here.irradiance(*points)) < 3e-3

@@ -3,6 +3,7 @@
 
 use crate::error::{Error, same_length};
 use crate::vector::{cross, dot, sub};
+use std::collections::HashMap;
 
 /// What a patch is followed by where there is nothing on its other side.
 pub const NO_PATCH: u32 = u32::MAX;
@@ -12,6 +13,8 @@ pub const NO_PATCH: u32 = u32::MAX;
 pub struct Surface {
     /// (T, 3) not unit.
     normals: Vec<[f64; 3]>,
+    /// The triangle that looks the other way at the very same place, and which of its corners are this one's.
+    twins: HashMap<u32, (u32, [usize; 3])>,
     /// (K,) edge at which a node is cut, from that corner to the next; -1 for a leaf. The first T nodes are the triangles.
     edges: Vec<i8>,
     /// (K,) the halves of a node; for a leaf the patches at its front and at its back, or [`NO_PATCH`].
@@ -40,18 +43,27 @@ impl Surface {
                 _ => p != NO_PATCH && p as usize >= patches,
             };
             if let Some(&wrong) = part.iter().find(bad) {
-                return Err(Error::Index { what: "bisection part", index: wrong as usize, count: edges.len() });
+                let count = if edge < 0 { patches } else { edges.len() };
+                return Err(Error::Index { what: "bisection part", index: wrong as usize, count });
             }
         }
         let normals = triangles.iter().map(|t| cross(sub(t[1], t[0]), sub(t[2], t[0]))).collect();
-        Ok(Self { normals, edges: edges.to_vec(), parts: parts.to_vec(), rule: rule.to_vec() })
+        let twins = twins(triangles);
+        Ok(Self { normals, twins, edges: edges.to_vec(), parts: parts.to_vec(), rule: rule.to_vec() })
     }
 
     /// The source (scene order) that a ray meets on a triangle, -1 for none; none behind a surface that has only a front.
     pub fn met(&self, triangle: i32, (u, v): (f32, f32), direction: [f32; 3]) -> Option<u32> {
         let triangle = u32::try_from(triangle).ok()?;
         let front = dot(*self.normals.get(triangle as usize)?, direction.map(f64::from)) < 0.0;
-        self.source(triangle, (f64::from(u), f64::from(v)), front)
+        let met = self.source(triangle, (f64::from(u), f64::from(v)), front);
+        // A ray meets either one of two triangles at the same place.
+        let twin = self.twins.get(&triangle).filter(|_| met.is_none() && !front);
+        met.or_else(|| {
+            let (twin, corners) = twin?;
+            let weights = [1.0 - f64::from(u) - f64::from(v), f64::from(u), f64::from(v)];
+            self.source(*twin, (weights[corners[1]], weights[corners[2]]), true)
+        })
     }
 
     /// The source (scene order) nearest to a point of a triangle, at its front or at its back; u and v weigh its second and
@@ -76,6 +88,26 @@ impl Surface {
             (0..self.rule.len()).min_by(|&i, &j| distance(&self.rule[i]).total_cmp(&distance(&self.rule[j])))?;
         (patch != NO_PATCH).then(|| patch * self.rule.len() as u32 + nearest as u32)
     }
+}
+
+/// For each triangle the one of the same corners in the other order, where there is one.
+fn twins(triangles: &[[[f64; 3]; 3]]) -> HashMap<u32, (u32, [usize; 3])> {
+    // 0 and -0 are the same place.
+    let bits = |triangle: &[[f64; 3]; 3]| triangle.map(|corner| corner.map(|x| (x + 0.0).to_bits()));
+    // From the least corner on, so that only the order around is left.
+    let key = |corners: [[u64; 3]; 3]| {
+        let least = (0..3).min_by_key(|&i| corners[i]).unwrap_or(0);
+        [0, 1, 2].map(|i| corners[(least + i) % 3])
+    };
+    let known: HashMap<[[u64; 3]; 3], u32> = triangles.iter().map(|t| key(bits(t))).zip(0..).collect();
+    let twin_of = |(triangle, i): (&[[f64; 3]; 3], u32)| {
+        let own = bits(triangle);
+        let twin = *known.get(&key([own[0], own[2], own[1]]))?;
+        let theirs = bits(&triangles[twin as usize]);
+        let corners = theirs.map(|corner| own.iter().position(|&c| c == corner).unwrap_or(0));
+        Some((i, (twin, corners)))
+    };
+    triangles.iter().zip(0..).filter_map(twin_of).collect()
 }
 
 #[cfg(test)]
@@ -142,6 +174,19 @@ mod tests {
         assert_eq!(surface.source(0, (0.1, 0.1), true), Some(0));
         assert_eq!(surface.source(0, (0.8, 0.1), true), Some(1));
         assert_eq!(surface.source(0, (0.8, 0.1), false), Some(5));
+    }
+
+    #[test]
+    fn of_two_triangles_at_one_place_the_one_that_faces_the_ray_is_met() {
+        let [a, b, c] = CORNERS;
+        let rule = [[2. / 3., 1. / 6., 1. / 6.], [1. / 6., 2. / 3., 1. / 6.], [1. / 6., 1. / 6., 2. / 3.]];
+        let surface =
+            Surface::new(&[[a, b, c], [c, b, a]], &[-1, -1], &[[0, NO_PATCH], [1, NO_PATCH]], &rule, 2).unwrap();
+        let down = [0.0, 0.0, -1.0];
+        // Near corner b, from above: on the front of the first, whichever of the two is hit.
+        assert_eq!(surface.met(0, (0.9, 0.05), down), Some(1));
+        assert_eq!(surface.met(1, (0.9, 0.05), down), Some(1));
+        assert_eq!(surface.met(0, (0.05, 0.9), down.map(|x| -x)), Some(3));
     }
 
     #[test]

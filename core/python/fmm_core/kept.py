@@ -49,7 +49,7 @@ class KeptVisibility:
     def take(self, scene: Scene) -> list[str]:
         """Makes it that of a scene; a warning where what it held is of no use."""
         geometry, empty = _digest(scene), not self._geometry
-        if self._geometry == geometry:
+        if self._geometry == geometry and len(self._emission) == len(scene.triangles):
             # What this solve does not ask for goes with the next one.
             self._loaded, self._answers = self._answers or self._loaded, {}
             return []
@@ -146,7 +146,7 @@ class KeptVisibility:
         kept._emission, kept._albedo = np.frombuffer(parts["lights"]).reshape(2, about["triangles"], 3)
         rows = np.frombuffer(parts["rows"], _ROW)
         ends = np.cumsum(rows["size"])
-        if len(kept._geometry) != DIGEST or (ends[-1] if len(ends) else 0) != len(parts["answers"]):
+        if len(kept._geometry) not in (0, DIGEST) or (ends[-1] if len(ends) else 0) != len(parts["answers"]):
             raise ValueError("its parts do not belong together")
         starts, answers = ends - rows["size"], parts["answers"]
         for row, start, end in zip(rows, starts.tolist(), ends.tolist(), strict=True):

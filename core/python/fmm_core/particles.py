@@ -61,7 +61,7 @@ class Particles:
         Emitters count for half of all light and everything else for the other half, whatever their power is now.
         """
         emitting = self.weights[self.emits].sum()
-        return 0.5 * self.weights * np.where(self.emits, self.weights.sum() / max(emitting, 1e-300), 1.0)
+        return 0.5 * self.weights * np.where(self.emits, self.weights.sum() / (emitting or 1.0), 1.0)
 
     def __len__(self) -> int:
         return len(self.positions)

@@ -15,6 +15,10 @@ MAX_ALBEDO = 0.999
 LARGEST = 1e60
 
 
+#: Scenes whose centre is this many times their size away from the origin are moved there.
+FAR = 10.0
+
+
 class Scene:
     """Triangles in world space with their materials, validated; arrays are read-only float64.
 
@@ -23,6 +27,7 @@ class Scene:
     emission    (T, 3) or (T,) or a constant, radiant exitance, W/m^2
     two_sided   (T,) or a constant bool: the back reflects and emits like the front
     warnings    what was changed or left out, one line each
+    origin      (3,) where the coordinates of the triangles count from, 0 as given
 
     Triangles without area are left out with a warning; `triangle_indices` (T',) says which ones remain.
     Raises `Error` naming the array, the row and the value.
@@ -54,8 +59,18 @@ class Scene:
         self.emission = _frozen(emitted[kept])
         self.two_sided = _frozen(sides[kept])
         self.centre, self.size = _bounds(self.triangles)
+        self.origin = np.zeros(3)
         if not self.emission.any():
             raise Error("emission: the scene has no emitter, every triangle's emission is 0")
+
+    def near_origin(self) -> "Scene":
+        """The scene, moved to the origin if it is so far away that its coordinates are coarse against its size."""
+        if np.abs(self.centre).max() <= FAR * self.size:
+            return self
+        scene = copy.copy(self)
+        scene.triangles = _frozen(np.ascontiguousarray(self.triangles - self.centre))
+        scene.origin, scene.centre = self.origin + self.centre, np.zeros(3)
+        return scene
 
     def relit(self, emission: ArrayLike | None = None, albedo: ArrayLike | None = None) -> "Scene":
         """The same triangles with other emission or albedo, given for the same rows; None keeps what there is."""

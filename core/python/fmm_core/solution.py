@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The solved scene: irradiance anywhere, and the report."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,7 @@ class Solution:
         points, normals = finite_rows("points", points), unit_rows("normals", normals)
         if len(points) != len(normals):
             raise Error(f"normals: expected {len(points)} rows like points, got {len(normals)}")
+        points = points - self.scene.origin
         with memory_errors(), self._report.time("evaluate"):
             irradiance = self._space.gather(
                 points, normals, self.radiosity, ticker(progress, 0.0, 1.0, "Gathering light")
@@ -82,6 +84,7 @@ class Solution:
         It does not where the triangles are others, where others of them emit, or where triangles that share a particle
         no longer have one albedo.
         """
+        scene = scene.near_origin()
         return self.scene.same_geometry(scene) and serve(self.particles, self._first, scene)
 
     def relight(
@@ -90,11 +93,15 @@ class Solution:
         """The same triangles solved with other emission or albedo, without a new ray; also at the points asked last.
 
         emission, albedo   as `Scene` takes them, for the same triangles; None keeps what there is. A surface that did
-        not emit at first is given as many rays as others that do not.
+        not emit at first is given as many rays as others that do not, of which a warning tells: see `serves`.
         progress as in `solve`. Raises `Error` naming the array, the row and the value.
         """
         scene = self.scene.relit(emission, albedo)
         report = Report(self.settings, scene)
+        if not serve(self.particles, self._first, scene):
+            report.warnings.append(
+                "relight: other triangles emit, or some that share a particle differ now; a new solve is more exact"
+            )
         report.counts.update(self._report.counts, rays=0, output_points=0)
         report.kept = True
         report.postponement, report.traced = self._report.postponement, self._space.sums.rays
@@ -109,7 +116,10 @@ class Solution:
     @property
     def particles(self) -> Particles:
         """The quadrature points that carry the radiosity."""
-        return self._space.sums.particles
+        particles, origin = self._space.sums.particles, self.scene.origin
+        if not origin.any():
+            return particles
+        return replace(particles, positions=particles.positions + origin, patches=particles.patches + origin)
 
     @property
     def report(self) -> dict[str, Any]:

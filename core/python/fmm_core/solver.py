@@ -39,8 +39,10 @@ def solve(
     settings = Settings() if settings is None else settings
     if not isinstance(scene, Scene) or not isinstance(settings, Settings):
         raise Error(f"solve: expected a Scene and Settings, got {type(scene).__name__} and {type(settings).__name__}")
+    if not isinstance(kept, KeptVisibility | None):
+        raise Error(f"kept: expected KeptVisibility or None, got {type(kept).__name__}")
     with memory_errors():
-        return _solve(scene, settings, progress, kept)
+        return _solve(scene.near_origin(), settings, progress, kept)
 
 
 def _solve(scene: Scene, settings: Settings, progress: Progress | None, kept: KeptVisibility | None) -> Solution:
