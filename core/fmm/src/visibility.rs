@@ -262,9 +262,9 @@ impl View {
         let expanded = separated && facing == Facing::All;
         if expanded && levels.0 == levels.1 && !self.lists.few_pairs(&self.targets, t, &self.sources, s) {
             Some(Kind::Interaction)
-        } else if expanded && leaves.0 && levels.0 < levels.1 {
+        } else if expanded && leaves.0 && levels.0 < levels.1 && self.sources.count(s) > self.lists.direct_points {
             Some(Kind::Multipole)
-        } else if expanded && leaves.1 && levels.0 > levels.1 {
+        } else if expanded && leaves.1 && levels.0 > levels.1 && self.targets.count(t) > self.lists.direct_points {
             Some(Kind::Local)
         } else {
             (leaves == (true, true)).then_some(Kind::Near)
