@@ -8,6 +8,7 @@ import shapes
 from fmm_core.particles import make_particles
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from test_visibility import LAMP, block, error
 
 
 def finer(triangles, times):
@@ -17,14 +18,6 @@ def finer(triangles, times):
         parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
         triangles = np.stack([np.stack(part, axis=1) for part in parts], axis=1).reshape(-1, 3, 3)
     return triangles
-
-
-def block(low, high):
-    low, high = np.array(low), np.array(high)
-    return shapes.room(high - low)[:, ::-1] + low
-
-
-LAMP = shapes.quad([0.35, 0.35, 0.99], [0.35, 0.65, 0.99], [0.65, 0.65, 0.99], [0.65, 0.35, 0.99])
 
 
 def crowd(objects, times):
@@ -39,10 +32,6 @@ def crowd(objects, times):
     emission = np.zeros(len(triangles))
     emission[12:14] = 10.0
     return finer(triangles, times), np.repeat(albedo, 4**times, axis=0), np.repeat(emission, 4**times)
-
-
-def error(found, exact):
-    return np.linalg.norm(found - exact) / np.linalg.norm(exact)
 
 
 @pytest.fixture(scope="module")

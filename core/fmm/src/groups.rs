@@ -3,6 +3,7 @@
 
 use crate::error::{Error, same_length};
 use crate::vector::{add, cross, high, low, norm, scale, sub};
+use crate::visibility::hash;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -32,7 +33,7 @@ pub fn group(triangles: &[[[f64; 3]; 3]], kinds: &[u32], count: usize) -> Result
                 let place = sub(scale(add(a, add(b, c)), 1.0 / 3.0), origin).map(|x| (x / size).floor());
                 let normal = scale(normals[i], NORMAL_STEPS / norm(normals[i]).max(f64::MIN_POSITIVE)).map(f64::round);
                 let parts = place.into_iter().chain(normal).map(|x| x as i64 as u64);
-                parts.chain([u64::from(meshes[i]), u64::from(kinds[i])]).fold(0, mixed)
+                parts.chain([u64::from(meshes[i]), u64::from(kinds[i])]).fold(0, |before, x| hash(before ^ x))
             })
             .collect()
     };
@@ -56,14 +57,6 @@ pub fn group(triangles: &[[[f64; 3]; 3]], kinds: &[u32], count: usize) -> Result
 fn distinct(mut keys: Vec<u64>) -> usize {
     keys.par_sort_unstable();
     keys.chunk_by(|a, b| a == b).count()
-}
-
-/// A hash of what came before and one more number: the finaliser of splitmix64 (Steele, Lea and Flood 2014).
-fn mixed(before: u64, x: u64) -> u64 {
-    let x = (before ^ x).wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ x >> 31
 }
 
 /// The mesh that each triangle belongs to: triangles of one mesh are joined by corners at exactly the same places.

@@ -360,7 +360,7 @@ fn unit(random: u64) -> f64 {
 }
 
 /// A number that looks random: splitmix64, Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014.
-fn hash(x: u64) -> u64 {
+pub(crate) fn hash(x: u64) -> u64 {
     let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
