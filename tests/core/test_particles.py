@@ -61,3 +61,18 @@ def test_small_emitter_gets_its_share_of_particles():
     emission = np.where(np.arange(14) < 12, 0.0, 1.0)
     particles = make_particles(fmm_core.Scene(triangles, emission=emission), 2000, 1)
     assert np.count_nonzero(particles.triangle >= 12) > 100
+
+
+def test_a_group_of_many_colours_has_their_mean():
+    room = shapes.subdivided_room(20)
+    rng = np.random.default_rng(3)
+    albedo, opacity = 0.5 + 0.02 * rng.random((len(room), 3)), rng.random(len(room))
+    albedo[: len(room) // 2] += 0.2
+    emission = np.r_[1.0, np.zeros(len(room) - 1)]
+    scene = fmm_core.Scene(room, albedo, emission, opacity=opacity)
+    particles = make_particles(scene, 600, 1, lambda points, normals: np.zeros(len(points), bool))
+    found = particles.of_triangles(scene.albedo)
+    assert len(particles) < len(room) / 2
+    areas = np.linalg.norm(np.cross(room[:, 1] - room[:, 0], room[:, 2] - room[:, 0]), axis=1) / 2
+    assert particles.weights @ found == pytest.approx((opacity * areas) @ albedo)
+    assert ((found < 0.6) == (albedo < 0.6)[particles.triangle]).all()

@@ -4,6 +4,7 @@
 from .errors import Cancelled, Error
 from .evaluation import OutputPoints, output_points
 from .kept import KeptVisibility
+from .opacity import Opacity
 from .scene import MAX_ALBEDO, Scene
 from .settings import Settings
 from .solution import Solution
@@ -14,6 +15,7 @@ __all__ = [
     "Cancelled",
     "Error",
     "KeptVisibility",
+    "Opacity",
     "OutputPoints",
     "Scene",
     "Settings",

@@ -213,4 +213,6 @@ def _digest(scene: Scene) -> bytes:
     found = hashlib.blake2b(digest_size=DIGEST)
     found.update(scene.triangles.data)
     found.update(scene.two_sided.data)
+    for array in scene.opacity.arrays() if scene.opacity is not None else ():
+        found.update(np.ascontiguousarray(array).data)
     return found.digest()

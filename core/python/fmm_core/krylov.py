@@ -33,7 +33,7 @@ def gmres(
     Ends when no particle has more than the tolerance's share of its light still to come; or at the cap of applications,
     with a warning.
     """
-    albedo, emission = scene.albedo[particles.triangle], scene.emission[particles.triangle]
+    albedo, emission = particles.of_triangles(scene.albedo), particles.of_triangles(scene.emission)
     count = 0
 
     def reflect(radiosity: Colours) -> Colours:

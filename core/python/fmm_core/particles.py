@@ -18,6 +18,8 @@ EMITTER_SHARE = 0.1
 SLIVER = 50.0
 #: Softening of the point kernel, in patch radii: far below any distance at which it is used unreplaced.
 SOFTENING = 1e-3
+#: Triangles whose albedos are the same to so many steps of 1 may share a particle, which has their mean.
+ALBEDO_STEPS = 16
 #: Tells rows of surface properties apart by one number each.
 _SPREAD = np.random.default_rng(0).random(7)
 #: What a leaf of the bisection names where there is no patch.
@@ -31,13 +33,14 @@ Buried = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
 class Particles:
     """Quadrature points, `per_patch` consecutive ones a patch; two-sided triangles have patches on both sides.
 
-    positions, normals (N, 3); weights (N,) in units of area; triangle (N,) row of the scene; emits (N,) whether that
-    emits strongly; per_patch int
+    positions, normals (N, 3); weights (N,) area of what is there, less where it is partly transparent
+    triangle (N,) row of the scene; emits (N,) whether that emits strongly; per_patch int
     patches (P, 3, 3) corners; areas (P,); radii (P,) from centroid to farthest corner
     whole (P,) whether the patch is all that its points stand for: where a mesh is finer than the light needs, a
     patch is one triangle of a group of them, and areas and radii are those of the group
     rule (per_patch, 3) barycentric coordinates of the points of a patch
     edges (K,), parts (K, 2) the bisection of the scene's triangles, as the core's `Surface` takes it
+    solid (T,) area of what is there of each triangle of the scene
     """
 
     positions: NDArray[np.float64]
@@ -53,6 +56,24 @@ class Particles:
     rule: NDArray[np.float64]
     edges: NDArray[np.int8]
     parts: NDArray[np.uint32]
+    solid: NDArray[np.float64]
+
+    def of_triangles(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 3) what is given for each triangle (T, 3), for each particle; the mean where it stands for several."""
+        found = values[self.triangle]
+        uncut = np.flatnonzero(self.edges[: len(values)] < 0)
+        grouped = uncut[~self.whole[self.parts[uncut, 0]]]
+        if len(grouped):
+            patch, solid = self.parts[grouped], self.solid[grouped]
+            for side in (0, 1):
+                there = patch[:, side] != NO_PATCH
+                rows, share = patch[there, side], solid[there]
+                total = np.bincount(rows, share, len(self.areas))
+                of_patches = [np.bincount(rows, share * values[grouped[there], k], len(self.areas)) for k in range(3)]
+                chosen = np.repeat(total > 0, self.per_patch)
+                means = np.stack(of_patches, axis=1)[total > 0] / total[total > 0, None]
+                found[chosen] = np.repeat(means, self.per_patch, axis=0)
+        return found
 
     @property
     def visibility_weights(self) -> NDArray[np.float64]:
@@ -99,13 +120,14 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
     back = np.flatnonzero(scene.two_sided[triangle])
     patches = np.concatenate([front, front[back][:, [0, 2, 1]]])
     triangle = np.concatenate([triangle, triangle[back]])
-    areas, radii, whole = (np.concatenate([values, values[back]]) for values in (cut.areas, cut.radii, cut.whole))
+    of_patches = cut.areas, cut.solid, cut.radii, cut.whole
+    areas, solid, radii, whole = (np.concatenate([values, values[back]]) for values in of_patches)
 
     per_patch = len(shares)
     return Particles(
         positions=np.einsum("kc,pcx->pkx", barycentric, patches).reshape(-1, 3),
         normals=np.repeat(_normals(patches), per_patch, axis=0),
-        weights=(areas[:, None] * shares).ravel(),
+        weights=(solid[:, None] * shares).ravel(),
         triangle=np.repeat(triangle, per_patch),
         emits=np.repeat(emits[triangle], per_patch),
         per_patch=per_patch,
@@ -116,6 +138,7 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
         rule=barycentric,
         edges=cut.edges,
         parts=_with_backs(cut, back),
+        solid=_solid(scene),
     )
 
 
@@ -129,7 +152,7 @@ def strong_emitters(scene: Scene) -> NDArray[np.bool_]:
 def serve(particles: Particles, first: Scene, scene: Scene) -> bool:
     """Whether particles made for the lights and albedo of `first` do as well for those of `scene`, the same triangles.
 
-    They do not where other triangles emit, or stand out as emitters, nor where a group has got several albedos.
+    They do not where other triangles emit, or stand out as emitters, nor where a group has got albedos too far apart.
     """
     if ((first.emission > 0).any(axis=1) != (scene.emission > 0).any(axis=1)).any():
         return False
@@ -137,12 +160,19 @@ def serve(particles: Particles, first: Scene, scene: Scene) -> bool:
         return False
     uncut = np.flatnonzero(particles.edges[: len(scene.triangles)] < 0)
     stand_in = particles.triangle[particles.per_patch * particles.parts[uncut, 0].astype(np.int64)]
-    return all((values[uncut] == values[stand_in]).all() for values in (scene.albedo, scene.emission))
+    kinds = _kinds(scene)
+    return bool((kinds[uncut] == kinds[stand_in]).all())
 
 
 def _kinds(scene: Scene) -> NDArray[np.float64]:
     """(T,) a number for the surface of each triangle: only triangles of one kind are put together."""
-    return (np.column_stack([scene.albedo, scene.emission, scene.two_sided]) * _SPREAD).sum(axis=1)
+    albedo = np.rint(ALBEDO_STEPS * scene.albedo)
+    return (np.column_stack([albedo, scene.emission, scene.two_sided]) * _SPREAD).sum(axis=1)
+
+
+def _solid(scene: Scene) -> NDArray[np.float64]:
+    areas = _areas(scene.triangles)
+    return areas if scene.opacity is None else areas * scene.opacity.mean
 
 
 @dataclass(frozen=True)
@@ -152,6 +182,7 @@ class _Cut:
     patches: NDArray[np.float64]
     triangle: NDArray[np.int64]
     areas: NDArray[np.float64]
+    solid: NDArray[np.float64]
     radii: NDArray[np.float64]
     whole: NDArray[np.bool_]
     edges: NDArray[np.int8]
@@ -214,6 +245,7 @@ def _grouped(scene: Scene, cut: _Cut, emits: NDArray[np.bool_], wanted: float, b
         patches=np.concatenate([cut.patches[kept], scene.triangles[fine[chosen]]]),
         triangle=np.concatenate([cut.triangle[kept], fine[chosen]]),
         areas=np.concatenate([cut.areas[kept], areas]),
+        solid=np.concatenate([cut.solid[kept], np.bincount(group, _solid(scene)[fine])]),
         radii=np.concatenate([cut.radii[kept], radii]),
         whole=np.concatenate([cut.whole[kept], members == 1]),
         edges=cut.edges,
@@ -251,10 +283,12 @@ def _cut(scene: Scene, limits: NDArray[np.float64]) -> _Cut:
         todo, owner = _bisect(todo[large], longest[large]), np.tile(owner[large], 2)
     patches = np.concatenate(patches)
     centroids = patches.mean(axis=1, keepdims=True)
+    triangle, areas = np.concatenate(owners), _areas(patches)
     return _Cut(
         patches=patches,
-        triangle=np.concatenate(owners),
-        areas=_areas(patches),
+        triangle=triangle,
+        areas=areas,
+        solid=areas if scene.opacity is None else areas * scene.opacity.mean[triangle],
         radii=np.linalg.norm(patches - centroids, axis=2).max(axis=1),
         whole=np.ones(len(patches), bool),
         edges=np.concatenate(edges_of_nodes),

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .arrays import numbers
 from .errors import Error
+from .opacity import Opacity
 
 #: Artists set albedo to 1 all the time; light would then never die out.
 MAX_ALBEDO = 0.999
@@ -26,10 +27,13 @@ class Scene:
     albedo      (T, 3) or (T,) or a constant, share of light reflected, in [0, 1); larger is clamped with a warning
     emission    (T, 3) or (T,) or a constant, radiant exitance, W/m^2
     two_sided   (T,) or a constant bool: the back reflects and emits like the front
+    opacity     (T,) or a constant in [0, 1], or an `Opacity`: the share of the light that a triangle stops, of which it
+                reflects its albedo; emission is that of the part which is there. None once all of it is 1.
     warnings    what was changed or left out, one line each
     origin      (3,) where the coordinates of the triangles count from, 0 as given
 
-    Triangles without area are left out with a warning; `triangle_indices` (T',) says which ones remain.
+    Triangles without area are left out with a warning, and wholly transparent ones without; `triangle_indices` (T',)
+    says which ones remain.
     Raises `Error` naming the array, the row and the value.
     """
 
@@ -39,6 +43,7 @@ class Scene:
         albedo: ArrayLike = 0.8,
         emission: ArrayLike = 0.0,
         two_sided: ArrayLike = False,
+        opacity: ArrayLike | Opacity = 1.0,
     ) -> None:
         corners = numbers("triangles", triangles)
         if corners.ndim != 3 or corners.shape[1:] != (3, 3):
@@ -49,15 +54,19 @@ class Scene:
         reflected = _colours("albedo", albedo, len(corners))
         emitted = _colours("emission", emission, len(corners))
         sides = _flags("two_sided", two_sided, len(corners))
+        stopped = _opacity(opacity, len(corners))
 
         self.warnings: list[str] = []
         self._given = len(corners)
-        kept = self._with_area(corners)
+        kept = self._with_area(corners) & (stopped.mean > 0)
+        if not kept.any():
+            raise Error("opacity: no triangle with an area stops any light")
         self.triangle_indices = _frozen(np.flatnonzero(kept))
         self.triangles = _frozen(corners[kept])
         self.albedo = _frozen(self._clamped(reflected[kept]))
         self.emission = _frozen(emitted[kept])
         self.two_sided = _frozen(sides[kept])
+        self.opacity = None if stopped.of(kept).is_whole else stopped.of(kept)
         self.centre, self.size = _bounds(self.triangles)
         self.origin = np.zeros(3)
         if not self.emission.any():
@@ -86,10 +95,12 @@ class Scene:
         return scene
 
     def same_geometry(self, other: "Scene") -> bool:
-        """Whether another scene was given the same triangles with the same sides."""
+        """Whether another scene was given the same triangles with the same sides and opacity."""
         names = "triangles", "triangle_indices", "two_sided"
         same = all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
-        return same and self._given == other._given
+        if (self.opacity is None) != (other.opacity is None):
+            return False
+        return same and self._given == other._given and (self.opacity is None or self.opacity.same(other.opacity))
 
     def _with_area(self, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
         edges = corners - np.roll(corners, 1, axis=1)
@@ -123,6 +134,15 @@ def _colours(name: str, values: ArrayLike, count: int) -> NDArray[np.float64]:
         row = int(np.flatnonzero((colours < 0).any(axis=1))[0])
         raise Error(f"{name}: triangle {row} has a negative value, {colours[row].min():g}")
     return colours
+
+
+def _opacity(values: ArrayLike | Opacity, count: int) -> Opacity:
+    if not isinstance(values, Opacity):
+        shares = numbers("opacity", values)
+        values = Opacity(np.broadcast_to(shares, (count,)) if shares.ndim == 0 else shares)
+    if len(values.mean) != count:
+        raise Error(f"opacity: expected {count} rows like triangles, got {len(values.mean)}")
+    return values
 
 
 def _flags(name: str, values: ArrayLike, count: int) -> NDArray[np.bool_]:

@@ -20,8 +20,8 @@ def shoot(
     Ends when no particle has more than the tolerance's share of its light still to come in any colour, judged from the
     last two steps, so that a dim corner or colour counts like a bright one; or at the cap, with a warning.
     """
-    albedo = scene.albedo[particles.triangle]
-    unshot = scene.emission[particles.triangle]
+    albedo = particles.of_triangles(scene.albedo)
+    unshot = particles.of_triangles(scene.emission)
     radiosity = unshot.copy()
     for step in range(1, settings.max_iterations + 1):
         unshot = albedo * np.maximum(exchange.apply(unshot), 0.0)

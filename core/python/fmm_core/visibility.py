@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import _binding
 from .kept import HIT_STEPS, KeptVisibility, Replaying
+from .opacity import SeeThrough
 from .particles import Particles
 from .progress import Tick, silent
 from .scene import Scene
@@ -61,6 +62,8 @@ class Occlusion:
         self._mesh = embreex.mesh_construction.TriangleMesh(self._scene, corners)
         # The first call commits the scene, which must not happen in several threads at once.
         self._occluded(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+        if scene.opacity is not None:
+            self._scene = SeeThrough(self._scene, scene.opacity)
         if kept is not None:
             self._scene = kept.around(self._scene)
 
