@@ -64,10 +64,10 @@ def test_small_emitter_gets_its_share_of_particles():
 
 
 def test_a_group_of_many_colours_has_their_mean():
-    room = shapes.subdivided_room(20)
+    room = shapes.subdivided_room(48).round(9)
     rng = np.random.default_rng(3)
     albedo, opacity = 0.5 + 0.02 * rng.random((len(room), 3)), rng.random(len(room))
-    albedo[: len(room) // 2] += 0.2
+    albedo[: len(room) // 2] += 0.25
     emission = np.r_[1.0, np.zeros(len(room) - 1)]
     scene = fmm_core.Scene(room, albedo, emission, opacity=opacity)
     particles = make_particles(scene, 600, 1, lambda points, normals: np.zeros(len(points), bool))
