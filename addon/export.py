@@ -15,6 +15,7 @@ import numpy as np
 from fmm_core import Error
 
 from . import materials
+from .meshes import Mesh, World, is_closed, read_mesh, same_topology, triangle_centres, with_area
 
 if TYPE_CHECKING:
     import bpy
@@ -63,21 +64,6 @@ class SceneArrays:
     corner_emission: np.ndarray
     receivers: tuple[Receiver, ...]
     warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class _Mesh:
-    """One evaluated mesh in its own space: V vertices, C corners, F faces, T triangles."""
-
-    vertex: np.ndarray  # (V,3)
-    corner_vertex: np.ndarray  # (C,)
-    corner_normal: np.ndarray  # (C,3)
-    face_start: np.ndarray  # (F,) first corner
-    face_corners: np.ndarray  # (F,) number of corners
-    face_material: np.ndarray  # (F,) material slot
-    smooth: bool
-    triangle_corners: np.ndarray  # (T,3)
-    triangle_face: np.ndarray  # (T,)
 
 
 @dataclass(frozen=True)
@@ -144,14 +130,14 @@ class _Reader:
             if not (instance.is_instance or obj.modifiers):
                 self.remark(f"object '{obj.name}' has no faces: left out")
             return
-        mesh = _read_mesh(obj.data)
-        world = _World(obj.name, mesh, np.array(instance.matrix_world, np.float64))
+        mesh = read_mesh(obj.data)
+        world = World(obj.name, mesh, np.array(instance.matrix_world, np.float64))
         albedo, emission = self.colours(obj, mesh)
         self.add_triangles(obj, mesh, world, albedo, emission)
         if self.is_receiver(instance, mesh):
             self.add_corners(obj, mesh, world, albedo, emission)
 
-    def colours(self, obj: bpy.types.Object, mesh: _Mesh) -> tuple[np.ndarray, np.ndarray]:
+    def colours(self, obj: bpy.types.Object, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
         """Albedo (F,3) and emission (F,3) in W/m^2 of every face."""
         surfaces = []
         for material in _materials(obj):
@@ -166,29 +152,29 @@ class _Reader:
         return albedo[slot], emission[slot]
 
     def add_triangles(
-        self, obj: bpy.types.Object, mesh: _Mesh, world: _World, albedo: np.ndarray, emission: np.ndarray
+        self, obj: bpy.types.Object, mesh: Mesh, world: World, albedo: np.ndarray, emission: np.ndarray
     ) -> None:
         """Everything that blocks, reflects or gives off light; triangles without area do none of it."""
         triangles = world.position[mesh.corner_vertex[mesh.triangle_corners]]
         if world.mirrored:
             triangles = triangles[:, ::-1]
-        kept = _with_area(triangles)
+        kept = with_area(triangles)
         flat = len(mesh.face_corners) - len(np.unique(mesh.triangle_face[kept]))
         if flat:
             faces = "1 face" if flat == 1 else f"{flat} faces"
             self.remark(f"object '{obj.name}': {faces} without area left out")
         face = mesh.triangle_face[kept]
         self.append(triangles=triangles[kept], albedo=albedo[face], emission=emission[face])
-        self.shapes.append(_Shape(world.position, len(face), _is_closed(mesh)))
+        self.shapes.append(_Shape(world.position, len(face), is_closed(mesh)))
 
-    def is_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: _Mesh) -> bool:
+    def is_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: Mesh) -> bool:
         """Whether the mesh of this object can take colours and has not been taken yet; says why not."""
         obj, original = instance.object, instance.object.original
         made_by_itself = instance.is_instance and instance.parent.original == original
         if original.type != "MESH":
             self.remark(f"object '{obj.name}' ({original.type}) blocks and reflects light but gets no colours: "
                         "convert it to a mesh to bake onto it")  # fmt: skip
-        elif made_by_itself or not _same_topology(mesh, original.data):
+        elif made_by_itself or not same_topology(mesh, original.data):
             names = " and ".join(f"'{modifier.name}'" for modifier in obj.modifiers if modifier.show_viewport)
             self.remark(f"object '{obj.name}': modifier {names} changes the mesh, which gets no colours: "
                         "apply it to bake onto it")  # fmt: skip
@@ -202,7 +188,7 @@ class _Reader:
         return False
 
     def add_corners(
-        self, obj: bpy.types.Object, mesh: _Mesh, world: _World, albedo: np.ndarray, emission: np.ndarray
+        self, obj: bpy.types.Object, mesh: Mesh, world: World, albedo: np.ndarray, emission: np.ndarray
     ) -> None:
         """Everything that is needed to colour the mesh of an object."""
         count = len(mesh.corner_vertex)
@@ -210,7 +196,7 @@ class _Reader:
             corner_position=world.position[mesh.corner_vertex],
             corner_normal=world.corner_normal,
             corner_vertex=mesh.corner_vertex + self.vertices,
-            corner_triangle_centre=_triangle_centres(mesh, world.position),
+            corner_triangle_centre=triangle_centres(mesh, world.position),
             corner_albedo=np.repeat(albedo, mesh.face_corners, axis=0),
             corner_emission=np.repeat(emission, mesh.face_corners, axis=0),
         )
@@ -268,60 +254,6 @@ class _Reader:
                 self.remark(f"object '{obj.name}' is hidden in the viewport: left out")
 
 
-class _World:
-    """A mesh carried into world space: position (V,3) in m, corner_normal (C,3) unit."""
-
-    def __init__(self, name: str, mesh: _Mesh, matrix: np.ndarray) -> None:
-        linear, offset = matrix[:3, :3], matrix[:3, 3]
-        if not np.isfinite(matrix).all():
-            raise Error(f"object '{name}': its transform has the value {matrix[~np.isfinite(matrix)][0]:g}")
-        bad = np.flatnonzero(~np.isfinite(mesh.vertex).all(axis=1))
-        if len(bad):
-            value = ", ".join(f"{x:g}" for x in mesh.vertex[bad[0]])
-            raise Error(f"object '{name}': vertex {bad[0]} is at ({value}), which is not finite")
-        self.position = mesh.vertex @ linear.T + offset
-        self.mirrored = np.linalg.det(linear) < 0
-        # Normals go with the cofactors of the matrix, which exist for flattened objects too.
-        a, b, c = linear.T
-        cofactors = np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
-        normal = mesh.corner_normal @ cofactors * (-1.0 if self.mirrored else 1.0)
-        length = np.linalg.norm(normal, axis=1, keepdims=True)
-        self.corner_normal = np.where(length > 0, normal / np.where(length > 0, length, 1.0), (0.0, 0.0, 1.0))
-
-
-def _read_mesh(mesh: bpy.types.Mesh) -> _Mesh:
-    """Read an evaluated mesh into arrays; positions become float64."""
-    mesh.calc_loop_triangles()
-    faces, triangles = mesh.polygons, mesh.loop_triangles
-    return _Mesh(
-        vertex=_get(mesh.vertices, "co", np.float32, 3).astype(np.float64),
-        corner_vertex=_get(mesh.loops, "vertex_index", np.int32),
-        corner_normal=_get(mesh.corner_normals, "vector", np.float32, 3).astype(np.float64),
-        face_start=_get(faces, "loop_start", np.int32),
-        face_corners=_get(faces, "loop_total", np.int32),
-        face_material=_get(faces, "material_index", np.int32),
-        smooth=bool(_get(faces, "use_smooth", bool).all()),
-        triangle_corners=_get(triangles, "loops", np.int32, 3),
-        triangle_face=_get(triangles, "polygon_index", np.int32),
-    )
-
-
-def _get(collection: bpy.types.bpy_prop_collection, name: str, dtype: type, width: int = 1) -> np.ndarray:
-    values = np.empty(len(collection) * width, dtype)
-    collection.foreach_get(name, values)
-    return values.reshape(-1, width) if width > 1 else values
-
-
-def _is_closed(mesh: _Mesh) -> bool:
-    """Whether every edge has exactly two faces that run along it in opposite directions."""
-    following = np.arange(1, len(mesh.corner_vertex) + 1)
-    following[mesh.face_start + mesh.face_corners - 1] = mesh.face_start
-    start, end = mesh.corner_vertex.astype(np.int64), mesh.corner_vertex[following].astype(np.int64)
-    forward = np.sort(start * len(mesh.vertex) + end)
-    backward = np.sort(end * len(mesh.vertex) + start)
-    return bool((forward == backward).all() and (np.diff(forward) > 0).all())
-
-
 def _two_sided(shapes: Sequence[_Shape]) -> np.ndarray:
     """(T,) bool for the triangles of all shapes: open ones, and closed ones that something else lies inside of.
 
@@ -342,36 +274,6 @@ def _two_sided(shapes: Sequence[_Shape]) -> np.ndarray:
 
 def _any_inside(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
     return bool(((points > low) & (points < high)).all(axis=1).any())
-
-
-def _triangle_centres(mesh: _Mesh, position: np.ndarray) -> np.ndarray:
-    """(C,3) m: centre of the largest triangle at each corner, for vertices at position (V,3) in m."""
-    triangles = position[mesh.corner_vertex[mesh.triangle_corners]]
-    # Halves of a square are equal up to rounding, which must not choose between them.
-    order = np.argsort(_double_area(triangles).astype(np.float32), kind="stable")
-    centres = position[mesh.corner_vertex]
-    # The last one that is assigned to a corner stays.
-    centres[mesh.triangle_corners[order].ravel()] = np.repeat(triangles[order].mean(axis=1), 3, axis=0)
-    return centres
-
-
-def _double_area(triangles: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
-
-
-def _with_area(triangles: np.ndarray) -> np.ndarray:
-    """(T,) bool: whether a triangle is higher than the rounding of its coordinates."""
-    edges = triangles - np.roll(triangles, 1, axis=1)
-    longest = np.linalg.norm(edges, axis=2).max(axis=1)
-    rounding = 1e-12 * np.maximum(longest, np.abs(triangles).max(axis=(1, 2)))
-    return _double_area(triangles) > longest * rounding
-
-
-def _same_topology(mesh: _Mesh, original: bpy.types.Mesh) -> bool:
-    """Whether corners and vertices of an evaluated mesh are those of the datablock, one by one."""
-    if (len(original.vertices), len(original.loops)) != (len(mesh.vertex), len(mesh.corner_vertex)):
-        return False
-    return bool((_get(original.loops, "vertex_index", np.int32) == mesh.corner_vertex).all())
 
 
 def _materials(obj: bpy.types.Object) -> list[bpy.types.Material | None]:

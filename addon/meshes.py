@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One mesh as plain arrays: in its own space, and carried into the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from fmm_core import Error
+
+if TYPE_CHECKING:
+    import bpy
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """One evaluated mesh in its own space: V vertices, C corners, F faces, T triangles."""
+
+    vertex: np.ndarray  # (V,3)
+    corner_vertex: np.ndarray  # (C,)
+    corner_normal: np.ndarray  # (C,3)
+    face_start: np.ndarray  # (F,) first corner
+    face_corners: np.ndarray  # (F,) number of corners
+    face_material: np.ndarray  # (F,) material slot
+    smooth: bool
+    triangle_corners: np.ndarray  # (T,3)
+    triangle_face: np.ndarray  # (T,)
+
+
+class World:
+    """A mesh carried into world space: position (V,3) in m, corner_normal (C,3) unit."""
+
+    def __init__(self, name: str, mesh: Mesh, matrix: np.ndarray) -> None:
+        linear, offset = matrix[:3, :3], matrix[:3, 3]
+        if not np.isfinite(matrix).all():
+            raise Error(f"object '{name}': its transform has the value {matrix[~np.isfinite(matrix)][0]:g}")
+        bad = np.flatnonzero(~np.isfinite(mesh.vertex).all(axis=1))
+        if len(bad):
+            value = ", ".join(f"{x:g}" for x in mesh.vertex[bad[0]])
+            raise Error(f"object '{name}': vertex {bad[0]} is at ({value}), which is not finite")
+        self.position = mesh.vertex @ linear.T + offset
+        self.mirrored = np.linalg.det(linear) < 0
+        # Normals go with the cofactors of the matrix, which exist for flattened objects too.
+        a, b, c = linear.T
+        cofactors = np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+        normal = mesh.corner_normal @ cofactors * (-1.0 if self.mirrored else 1.0)
+        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        self.corner_normal = np.where(length > 0, normal / np.where(length > 0, length, 1.0), (0.0, 0.0, 1.0))
+
+
+def read_mesh(mesh: bpy.types.Mesh) -> Mesh:
+    """Read an evaluated mesh into arrays; positions become float64."""
+    mesh.calc_loop_triangles()
+    faces, triangles = mesh.polygons, mesh.loop_triangles
+    return Mesh(
+        vertex=get(mesh.vertices, "co", np.float32, 3).astype(np.float64),
+        corner_vertex=get(mesh.loops, "vertex_index", np.int32),
+        corner_normal=get(mesh.corner_normals, "vector", np.float32, 3).astype(np.float64),
+        face_start=get(faces, "loop_start", np.int32),
+        face_corners=get(faces, "loop_total", np.int32),
+        face_material=get(faces, "material_index", np.int32),
+        smooth=bool(get(faces, "use_smooth", bool).all()),
+        triangle_corners=get(triangles, "loops", np.int32, 3),
+        triangle_face=get(triangles, "polygon_index", np.int32),
+    )
+
+
+def get(collection: bpy.types.bpy_prop_collection, name: str, dtype: type, width: int = 1) -> np.ndarray:
+    values = np.empty(len(collection) * width, dtype)
+    collection.foreach_get(name, values)
+    return values.reshape(-1, width) if width > 1 else values
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether every edge has exactly two faces that run along it in opposite directions."""
+    following = np.arange(1, len(mesh.corner_vertex) + 1)
+    following[mesh.face_start + mesh.face_corners - 1] = mesh.face_start
+    start, end = mesh.corner_vertex.astype(np.int64), mesh.corner_vertex[following].astype(np.int64)
+    forward = np.sort(start * len(mesh.vertex) + end)
+    backward = np.sort(end * len(mesh.vertex) + start)
+    return bool((forward == backward).all() and (np.diff(forward) > 0).all())
+
+
+def triangle_centres(mesh: Mesh, position: np.ndarray) -> np.ndarray:
+    """(C,3) m: centre of the largest triangle at each corner, for vertices at position (V,3) in m."""
+    triangles = position[mesh.corner_vertex[mesh.triangle_corners]]
+    # Halves of a square are equal up to rounding, which must not choose between them.
+    order = np.argsort(_double_area(triangles).astype(np.float32), kind="stable")
+    centres = position[mesh.corner_vertex]
+    # The last one that is assigned to a corner stays.
+    centres[mesh.triangle_corners[order].ravel()] = np.repeat(triangles[order].mean(axis=1), 3, axis=0)
+    return centres
+
+
+def _double_area(triangles: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+
+
+def with_area(triangles: np.ndarray) -> np.ndarray:
+    """(T,) bool: whether a triangle is higher than the rounding of its coordinates."""
+    edges = triangles - np.roll(triangles, 1, axis=1)
+    longest = np.linalg.norm(edges, axis=2).max(axis=1)
+    rounding = 1e-12 * np.maximum(longest, np.abs(triangles).max(axis=(1, 2)))
+    return _double_area(triangles) > longest * rounding
+
+
+def same_topology(mesh: Mesh, original: bpy.types.Mesh) -> bool:
+    """Whether corners and vertices of an evaluated mesh are those of the datablock, one by one."""
+    if (len(original.vertices), len(original.loops)) != (len(mesh.vertex), len(mesh.corner_vertex)):
+        return False
+    return bool((get(original.loops, "vertex_index", np.int32) == mesh.corner_vertex).all())
