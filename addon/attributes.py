@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The only writer of Blender's meshes: the colour attribute "Radiosity", on all meshes of a bake or on none."""
+"""The only writer of Blender's meshes: one colour attribute ("Radiosity"), on all meshes of a bake or on none."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,41 +19,64 @@ NAME = "Radiosity"
 _UNFINISHED = "Radiosity (being written)"
 
 
-def check(receivers: Sequence[Receiver]) -> None:
+@dataclass(frozen=True)
+class Output:
+    """What is written, and how.
+
+    name: of the attribute; content: "FULL" radiance, or the "LIGHTING" or "INDIRECT" light alone; domain: "POINT" or
+    "CORNER", or "AUTO" for the smaller one without loss; byte: 8 bits a channel, cut at white, in place of floats;
+    exposure: stops that bytes are made brighter by
+    """
+
+    name: str = NAME
+    content: str = "FULL"
+    domain: str = "AUTO"
+    byte: bool = False
+    exposure: float = 0.0
+
+
+def check(receivers: Sequence[Receiver], output: Output) -> None:
     """Raise fmm_core.Error, naming the mesh, where the attribute could not be written; to be called before a solve."""
+    if not output.name or output.name.startswith("."):
+        raise Error(f"'{output.name}' is no name for a colour attribute: it needs one that does not start with a dot")
     for receiver in receivers:
-        _mesh_of(receiver)
+        _mesh_of(receiver, output.name)
 
 
-def write(receivers: Sequence[Receiver], colours: np.ndarray) -> None:
+def write(receivers: Sequence[Receiver], colours: np.ndarray, output: Output) -> None:
     """Write the corner colours of a bake, one foreach_set a mesh, and make them the active and the render colours.
 
-    colours (C,3): linear radiance of every corner, in the order of the receivers. An attribute of an earlier bake is
+    colours (C,3): linear colour of every corner, in the order of the receivers. An attribute of an earlier bake is
     replaced. Raises fmm_core.Error naming the mesh that cannot be written; every mesh is then as it was.
     """
-    meshes = [_mesh_of(receiver) for receiver in receivers]
+    meshes = [_mesh_of(receiver, output.name) for receiver in receivers]
     unfinished = []
     try:
         for mesh, receiver in zip(meshes, receivers, strict=True):
-            domain, values = layer(receiver, colours[receiver.rows])
-            unfinished.append((mesh, _add(mesh, domain)))
+            domain, values = layer(receiver, colours[receiver.rows], output.domain)
+            if output.byte:
+                values[:, :3] = np.minimum(values[:, :3] * 2.0**output.exposure, 1.0)
+            unfinished.append((mesh, _add(mesh, domain, output.byte)))
             mesh.color_attributes[unfinished[-1][1]].data.foreach_set("color", values.ravel())
     except Exception:
         for mesh, name in unfinished:
             _remove(mesh, name)
         raise
     for mesh, name in unfinished:
-        _finish(mesh, name)
+        _finish(mesh, name, output.name)
 
 
-def layer(receiver: Receiver, colours: np.ndarray) -> tuple[str, np.ndarray]:
-    """Domain and values (N,4) float32 that carry the corner colours (C,3) of one mesh without loss.
+def layer(receiver: Receiver, colours: np.ndarray, domain: str = "AUTO") -> tuple[str, np.ndarray]:
+    """Domain and values (N,4) float32 for the corner colours (C,3) of one mesh.
 
-    The domain is POINT where every face is smooth and the corners of each vertex agree, else CORNER.
+    "AUTO" is POINT where every face is smooth and the corners of each vertex agree, else CORNER: nothing is lost. A
+    vertex whose corners differ gets their mean where POINT is asked for.
     """
     corners = np.ones((len(colours), 4), np.float32)
     corners[:, :3] = colours
-    if not receiver.smooth:
+    if domain == "POINT":
+        return "POINT", _vertex_means(receiver, corners)
+    if domain == "CORNER" or not receiver.smooth:
         return "CORNER", corners
     points = np.zeros((receiver.vertices, 4), np.float32)
     points[:, 3] = 1.0
@@ -61,7 +85,16 @@ def layer(receiver: Receiver, colours: np.ndarray) -> tuple[str, np.ndarray]:
     return ("POINT", points) if agree else ("CORNER", corners)
 
 
-def _mesh_of(receiver: Receiver) -> bpy.types.Mesh:
+def _vertex_means(receiver: Receiver, corners: np.ndarray) -> np.ndarray:
+    """(V,4) means of the corners (C,4) of each vertex; black where a vertex has none."""
+    counts = np.bincount(receiver.corner_vertex, minlength=receiver.vertices)
+    sums = [np.bincount(receiver.corner_vertex, channel, receiver.vertices) for channel in corners.T]
+    points = (np.stack(sums, axis=1) / np.maximum(counts, 1)[:, None]).astype(np.float32)
+    points[:, 3] = 1.0
+    return points
+
+
+def _mesh_of(receiver: Receiver, name: str) -> bpy.types.Mesh:
     """The datablock of a receiver, after checking that it still fits and that the name is free for colours."""
     import bpy
 
@@ -72,27 +105,27 @@ def _mesh_of(receiver: Receiver) -> bpy.types.Mesh:
         raise Error(f"mesh '{receiver.mesh}' of object '{receiver.object}' is in Edit Mode")
     if (len(mesh.vertices), len(mesh.loops)) != (receiver.vertices, len(receiver.corner_vertex)):
         raise Error(f"mesh '{receiver.mesh}' of object '{receiver.object}' was changed during the bake")
-    taken = mesh.attributes.get(NAME)
-    if taken is not None and NAME not in mesh.color_attributes:
-        raise Error(f"mesh '{receiver.mesh}' has an attribute '{NAME}' of type {taken.data_type}: rename it")
+    taken = mesh.attributes.get(name)
+    if taken is not None and name not in mesh.color_attributes:
+        raise Error(f"mesh '{receiver.mesh}' has an attribute '{name}' of type {taken.data_type}: rename it")
     owner = bpy.data.objects.get((receiver.object, None))
-    if owner is not None and NAME in owner.vertex_groups:
-        raise Error(f"object '{receiver.object}' has a vertex group '{NAME}': rename it")
+    if owner is not None and name in owner.vertex_groups:
+        raise Error(f"object '{receiver.object}' has a vertex group '{name}': rename it")
     return mesh
 
 
-def _add(mesh: bpy.types.Mesh, domain: str) -> str:
+def _add(mesh: bpy.types.Mesh, domain: str, byte: bool) -> str:
     """Add a colour attribute; returns its name, which Blender changes where another attribute has it already."""
-    attribute = mesh.color_attributes.new(name=_UNFINISHED, type="FLOAT_COLOR", domain=domain)
+    attribute = mesh.color_attributes.new(name=_UNFINISHED, type="BYTE_COLOR" if byte else "FLOAT_COLOR", domain=domain)
     if attribute is None:
         raise Error(f"Blender could not add a colour attribute to mesh '{mesh.name}'")
     return attribute.name
 
 
-def _finish(mesh: bpy.types.Mesh, unfinished: str) -> None:
-    _remove(mesh, NAME)
-    mesh.color_attributes[unfinished].name = NAME
-    index = mesh.color_attributes.find(NAME)
+def _finish(mesh: bpy.types.Mesh, unfinished: str, name: str) -> None:
+    _remove(mesh, name)
+    mesh.color_attributes[unfinished].name = name
+    index = mesh.color_attributes.find(name)
     mesh.color_attributes.active_color_index = index
     mesh.color_attributes.render_color_index = index
     mesh.update()

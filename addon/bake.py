@@ -35,23 +35,26 @@ KEPT_SUFFIX = ".fmm-visibility"
 class Input:
     """What a solve needs: the arrays of the scene, and the seconds it took to read them.
 
-    kept: the file that keeps visibility, or None; warnings: what could not be done as asked, one line each
+    output: what is to be written; kept: the file that keeps visibility, or None; warnings: what could not be done as
+    asked, one line each
     """
 
     arrays: export.SceneArrays
     seconds: float
+    output: attributes.Output
     kept: Path | None = None
     warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Result:
-    """What a solve gives: colours (C,3), linear radiance of every corner of the receivers, and the solution.
+    """What a solve gives: colours (C,3) of every corner of the receivers, linear, and the solution.
 
     warnings: those that are neither of the arrays nor of the solution
     """
 
     arrays: export.SceneArrays
+    output: attributes.Output
     colours: np.ndarray
     solution: fmm_core.Solution
     seconds_export: float
@@ -74,19 +77,21 @@ def bake(
 
 
 def read(context: bpy.types.Context, keep: bool = False) -> Input:
-    """Read the scene of a context, and check already here that its meshes can be written.
+    """Read the scene of a context as its settings say, and check already here that its meshes can be written.
 
     keep: what rays find is kept in a file beside the .blend, and taken from there if it is of the same geometry.
     """
-    start = time.perf_counter()
-    arrays = export.read_scene(context.evaluated_depsgraph_get())
-    attributes.check(arrays.receivers)
+    from . import properties
+
+    start, output = time.perf_counter(), properties.output_of(context.scene)
+    arrays = export.read(context, context.scene.fmm_radiosity.scope)
+    attributes.check(arrays.receivers, output)
     blend, kept, warnings = context.blend_data.filepath, None, ()
     if keep and blend:
         kept = Path(blend).with_suffix(KEPT_SUFFIX)
     elif keep:
         warnings = ("visibility is not kept: save the .blend first, the file goes beside it",)
-    return Input(arrays, time.perf_counter() - start, kept, warnings)
+    return Input(arrays, time.perf_counter() - start, output, kept, warnings)
 
 
 def compute(
@@ -111,11 +116,15 @@ def compute(
         arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangle_centre
     )
     irradiance = solution.irradiance(points.points, points.normals, _part(progress, 0.8, 1.0))
+    if data.output.content == "INDIRECT":
+        # Black surfaces send nothing on: what is left is direct.
+        black = solution.relight(albedo=np.zeros_like(arrays.albedo))
+        irradiance = np.maximum(irradiance - black.irradiance(points.points, points.normals), 0.0)
     if session is not None:
         session.solution = solution
     _save(solution.kept, data.kept, warnings)
-    colours = outgoing_radiance(arrays, irradiance[points.inverse])
-    return Result(arrays, colours, solution, data.seconds, tuple(warnings))
+    colours = colours_of(arrays, irradiance[points.inverse], data.output.content)
+    return Result(arrays, data.output, colours, solution, data.seconds, tuple(warnings))
 
 
 def _serves(solution: fmm_core.Solution, scene: fmm_core.Scene, settings: fmm_core.Settings, kept: Path | None) -> bool:
@@ -146,15 +155,20 @@ def _save(kept: fmm_core.KeptVisibility | None, path: Path | None, warnings: lis
         warnings.append(f"visibility is not kept: {error}")
 
 
-def outgoing_radiance(arrays: export.SceneArrays, irradiance: np.ndarray) -> np.ndarray:
-    """Radiance (C,3) of diffuse corners that receive irradiance (C,3) in W/m^2: (emission + albedo irradiance) / pi."""
+def colours_of(arrays: export.SceneArrays, irradiance: np.ndarray, content: str) -> np.ndarray:
+    """Colours (C,3) of diffuse corners that receive irradiance (C,3) in W/m^2.
+
+    "FULL" is their radiance, (emission + albedo irradiance) / pi; the others are irradiance / pi, the light alone.
+    """
+    if content != "FULL":
+        return irradiance / math.pi
     return (arrays.corner_emission + np.minimum(arrays.corner_albedo, fmm_core.MAX_ALBEDO) * irradiance) / math.pi
 
 
 def write(result: Result) -> dict:
     """Write the colours of a solve to the meshes; returns the report."""
     start = time.perf_counter()
-    attributes.write(result.arrays.receivers, result.colours)
+    attributes.write(result.arrays.receivers, result.colours, result.output)
     report = dict(result.solution.report)
     seconds = dict(report["seconds"], export=result.seconds_export, write=time.perf_counter() - start)
     seconds["total"] = sum(value for phase, value in seconds.items() if phase != "total")
@@ -175,13 +189,3 @@ def _part(progress: Progress | None, start: float, end: float) -> Progress | Non
     if progress is None:
         return None
     return lambda fraction, text: progress(start + (end - start) * fraction, text)
-
-
-def summary(report: dict) -> str:
-    """A report in one line."""
-    counts, error = report["counts"], report.get("error") or {}
-    measured, seconds = error.get("measured_rms"), report["seconds"]["total"]
-    text = f"{counts['output_points']:,} points from {counts['triangles']:,} triangles in {seconds:.2f} s"
-    if measured is not None:
-        text = f"{text}, measured error {100 * measured:.2g} %"
-    return f"{text}, visibility kept" if report["visibility_kept"] and not counts["rays"] else text

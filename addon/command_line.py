@@ -19,7 +19,7 @@ from typing import NoReturn
 import fmm_core
 import numpy as np
 
-from . import bake, files, preview
+from . import bake, files, preview, report
 
 PROGRAM = "fmm-radiosity"
 _SUFFIXES = {"-o": ".blend", "--report": ".json", "--preview": ".png"}
@@ -53,7 +53,7 @@ def main(argv: Sequence[str]) -> int:
     try:
         options = parse(argv)
         with _quiet():
-            report = _run(options)
+            done = _run(options)
     except SystemExit:
         return 0
     except UsageError as error:
@@ -62,9 +62,9 @@ def main(argv: Sequence[str]) -> int:
         return fail(bake.reason(error), 1)
     except KeyboardInterrupt:
         return fail("interrupted", 1)
-    for warning in report["warnings"]:
+    for warning in done["warnings"]:
         _say(f"{PROGRAM}: warning: {warning}")
-    sys.stdout.write(f"{options.output}: {bake.summary(report)}\n")
+    sys.stdout.write(f"{options.output}: {report.summary(done)}\n")
     return 0
 
 
@@ -133,12 +133,12 @@ def _run(options: argparse.Namespace) -> dict:
     context = bpy.context
     settings = properties.settings_of(context.scene, **_chosen(options))
     data = bake.read(context, options.keep_visibility or context.scene.fmm_radiosity.keep_visibility)
-    report = bake.write(bake.compute(data, settings, _progress()))
-    _write_files(options, report, data.arrays.corner_position)
-    return report
+    done = bake.write(bake.compute(data, settings, _progress()))
+    _write_files(options, done, data.arrays.corner_position)
+    return done
 
 
-def _write_files(options: argparse.Namespace, report: dict, corners: np.ndarray) -> None:
+def _write_files(options: argparse.Namespace, done: dict, corners: np.ndarray) -> None:
     """Write all of the wanted files or none; corners (C,3) in m are what a preview has to show."""
     import bpy
 
@@ -147,10 +147,11 @@ def _write_files(options: argparse.Namespace, report: dict, corners: np.ndarray)
             _save(staged.path(options.output))
         if options.preview is not None:
             with files.writing(options.preview):
-                preview.render(bpy.context.scene, bpy.context.view_layer, corners, staged.path(options.preview))
+                name = bpy.context.scene.fmm_radiosity.attribute_name
+                preview.render(bpy.context.scene, bpy.context.view_layer, corners, name, staged.path(options.preview))
         if options.report is not None:
             with files.writing(options.report):
-                staged.path(options.report).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+                staged.path(options.report).write_text(json.dumps(done, indent=2) + "\n", encoding="utf-8")
         staged.commit()
 
 

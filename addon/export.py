@@ -8,6 +8,7 @@ Objects that the viewport hides are not evaluated by Blender: they are left out 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -75,13 +76,56 @@ class _Shape:
     closed: bool
 
 
-def read_scene(depsgraph: bpy.types.Depsgraph) -> SceneArrays:
-    """Read every mesh that a render would show.
+def read(context: bpy.types.Context, scope: str) -> SceneArrays:
+    """Read the scene of a context: "VISIBLE" as `read_scene` does; "SELECTED" the same, and only selected objects get
+    colours; "SCENE" also what the viewport hides. Raises fmm_core.Error as `read_scene`.
+    """
+    if scope == "SCENE":
+        with _unhidden(context.view_layer):
+            return read_scene(context.evaluated_depsgraph_get())
+    chosen = {obj.name for obj in context.view_layer.objects if obj.select_get()} if scope == "SELECTED" else None
+    return read_scene(context.evaluated_depsgraph_get(), chosen)
+
+
+@contextmanager
+def _unhidden(layer: bpy.types.ViewLayer) -> Iterator[None]:
+    """Show in the viewport everything of a view layer, and hide it again."""
+    hidden = [obj for obj in layer.objects if obj.hide_get()]
+    switches = [obj for obj in layer.objects if obj.hide_viewport]
+    collections = list(_collections(layer.layer_collection))
+    switches += [item for item in collections if item.hide_viewport]
+    switches += {item.collection for item in collections if item.collection.hide_viewport}
+    try:
+        for item in switches:
+            item.hide_viewport = False
+        for obj in hidden:
+            obj.hide_set(False, view_layer=layer)
+        layer.update()
+        yield
+    finally:
+        for obj in hidden:
+            obj.hide_set(True, view_layer=layer)
+        for item in switches:
+            item.hide_viewport = True
+        layer.update()
+
+
+def _collections(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerCollection]:
+    yield from (item for child in layer.children for item in (child, *_collections(child)))
+
+
+def count_vertices(layer: bpy.types.ViewLayer) -> int:
+    """How many vertices the visible meshes of a view layer have, without their modifiers."""
+    return sum(len(obj.data.vertices) for obj in layer.objects if obj.type == "MESH" and obj.visible_get())
+
+
+def read_scene(depsgraph: bpy.types.Depsgraph, chosen: set[str] | None = None) -> SceneArrays:
+    """Read every mesh that a render would show; only the chosen objects, or all, get colours.
 
     Raises fmm_core.Error naming object and value where a vertex is not finite, where there is no mesh, no face, no
     emitter, or no mesh that can take colours.
     """
-    reader = _Reader(depsgraph)
+    reader = _Reader(depsgraph, chosen)
     # Real objects first: a mesh that is also instanced is then baked where its own object stands.
     for of_instances in (False, True):
         for instance in reader.shown(of_instances):
@@ -94,6 +138,7 @@ class _Reader:
     """Collects the arrays of a scene, object after object."""
 
     depsgraph: bpy.types.Depsgraph
+    chosen: set[str] | None
     parts: dict[str, list[np.ndarray]] = field(default_factory=dict)
     receivers: list[Receiver] = field(default_factory=list)
     users: dict[str, list[str]] = field(default_factory=dict)
@@ -106,6 +151,9 @@ class _Reader:
 
     def __post_init__(self) -> None:
         self.renderable = set(_renderable(self.depsgraph.view_layer_eval.layer_collection))
+        # Where a collection is hidden, Blender evaluates its objects all the same.
+        visible = {obj.name for obj in self.depsgraph.view_layer.objects if obj.visible_get()}
+        self.taken = self.renderable & visible
 
     def shown(self, of_instances: bool) -> Iterator[bpy.types.DepsgraphObjectInstance]:
         """The instances that a render would show: the real objects, or the copies."""
@@ -113,7 +161,8 @@ class _Reader:
             if instance.is_instance != of_instances or not instance.show_self:
                 continue
             holder = instance.parent if instance.is_instance else instance.object
-            hidden = instance.object.hide_render or holder.hide_render or holder.original.name not in self.renderable
+            hidden = instance.object.hide_render or holder.hide_render
+            hidden |= holder.original.name not in self.taken
             replaced = holder.original.is_instancer and not holder.show_instancer_for_render and not of_instances
             if not hidden and not replaced:
                 yield instance
@@ -170,6 +219,8 @@ class _Reader:
     def is_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: Mesh) -> bool:
         """Whether the mesh of this object can take colours and has not been taken yet; says why not."""
         obj, original = instance.object, instance.object.original
+        if self.chosen is not None and original.name not in self.chosen:
+            return False
         made_by_itself = instance.is_instance and instance.parent.original == original
         if original.type != "MESH":
             self.remark(f"object '{obj.name}' ({original.type}) blocks and reflects light but gets no colours: "
@@ -228,6 +279,8 @@ class _Reader:
             raise Error(f"scene '{scene.name}' has no mesh that a render would show{because}")
         if not sum(len(part) for part in self.parts.get("triangles", [])):
             raise Error(f"no mesh of scene '{scene.name}' has a face{because}")
+        if not self.receivers and self.chosen is not None:
+            raise Error(f"nothing that can take colours is selected: select the meshes to bake onto{because}")
         if not self.receivers:
             raise Error(f"no mesh of scene '{scene.name}' can take colours{because}")
         arrays = {name: np.concatenate(parts) for name, parts in self.parts.items()}

@@ -1,44 +1,190 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tab "Radiosity" in the sidebar of the 3D view."""
+"""The tab "Radiosity" in the sidebar of the 3D view, and the settings in the scene's properties."""
 
 from __future__ import annotations
 
 import bpy
+from bl_ui.utils import PresetPanel
+from bpy.app.translations import pgettext_iface as translated
 
-from . import bake
-from .session import session
+from . import estimate
+from .report import PHASES, percent, summary
+from .session import Running, session
+
+#: Warnings that are shown; the Info editor and the report have them all.
+_SHOWN_WARNINGS = 5
 
 
-class FMM_RADIOSITY_PT_bake(bpy.types.Panel):
-    """Settings, the bake button, and what the last bake came to."""
+class FMM_RADIOSITY_PT_presets(PresetPanel, bpy.types.Panel):
+    """Saved settings of the panel Quality."""
 
-    bl_label = "FMM Radiosity"
-    bl_category = "Radiosity"
+    bl_label = "Radiosity Presets"
+    preset_subdir = "fmm_radiosity"
+    preset_operator = "script.execute_preset"
+    preset_add_operator = "fmm_radiosity.preset_add"
+
+
+class _InSidebar:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
+    bl_category = "Radiosity"
+
+
+class _InScene:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "scene"
+
+
+class _Bake:
+    bl_label = "FMM Radiosity"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the panel."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        column = layout.column()
-        column.enabled = session.running is None
-        for name in ("truncation", "grouping", "particles", "rays", "target_error", "keep_visibility"):
-            column.prop(context.scene.fmm_radiosity, name)
-        if session.running is None:
-            layout.operator("fmm_radiosity.bake", icon="RENDER_STILL")
+        """Draw the button, or how far the bake is, and what it came to or will cost."""
+        layout, running = self.layout, session.running
+        row = layout.row()
+        row.scale_y = 1.4
+        if running is None:
+            row.operator("fmm_radiosity.bake", icon="RENDER_STILL")
+            _draw_summary(layout, context)
         else:
-            layout.progress(factor=session.running.fraction, text=session.running.text)
-        if session.report is not None:
-            _draw_report(layout, session.report)
+            row.progress(factor=running.fraction, text=label(running))
+            layout.label(text="Esc cancels")
 
 
-def _draw_report(layout: bpy.types.UILayout, report: dict) -> None:
+class _Quality:
+    bl_label = "Quality"
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        """Draw the menu of presets."""
+        FMM_RADIOSITY_PT_presets.draw_panel_header(self.layout)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what decides over error and time."""
+        _draw_settings(self.layout, context, "truncation", "grouping", "rays", "particles", "target_error")
+
+
+class _Output:
+    bl_label = "Output"
+    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what is baked, and what is written."""
+        _draw_settings(self.layout, context, "scope", "content", "attribute_name", "domain", "byte")
+        if context.scene.fmm_radiosity.byte:
+            _draw_settings(self.layout, context, "exposure")
+        _draw_settings(self.layout, context, "keep_visibility")
+
+
+class FMM_RADIOSITY_PT_bake(_InSidebar, _Bake, bpy.types.Panel):
+    """The bake button, and what the last bake came to."""
+
+
+class FMM_RADIOSITY_PT_quality(_InSidebar, _Quality, bpy.types.Panel):
+    """Error and time."""
+
+    bl_parent_id = "FMM_RADIOSITY_PT_bake"
+
+
+class FMM_RADIOSITY_PT_output(_InSidebar, _Output, bpy.types.Panel):
+    """What is baked and written."""
+
+    bl_parent_id = "FMM_RADIOSITY_PT_bake"
+
+
+class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
+    """What the last bake of this session did."""
+
+    bl_label = "Last Bake"
+    bl_parent_id = "FMM_RADIOSITY_PT_bake"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        """There was one."""
+        return session.report is not None
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw its error, rays, seconds and warnings."""
+        report = session.report
+        column = self.layout.column(align=True)
+        error = report["error"]
+        if error["measured_rms"] is not None:
+            _draw_pair(column, "Measured Error", percent(error["measured_rms"]))
+            _draw_pair(column, "Largest Error", percent(error["measured_max"]))
+        _draw_pair(column, "Rays", f"{report['counts']['rays']:,}")
+        for phase, name in PHASES.items():
+            if report["seconds"][phase] >= 0.005:
+                _draw_pair(column, name, f"{report['seconds'][phase]:.2f} s")
+        for warning in report["warnings"][:_SHOWN_WARNINGS]:
+            self.layout.label(text=warning, icon="ERROR", translate=False)
+        self.layout.operator("fmm_radiosity.show_report", icon="TEXT")
+
+
+class FMM_RADIOSITY_PT_scene(_InScene, _Bake, bpy.types.Panel):
+    """The bake button in the scene's properties."""
+
+    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012
+
+
+class FMM_RADIOSITY_PT_scene_quality(_InScene, _Quality, bpy.types.Panel):
+    """Error and time, in the scene's properties."""
+
+    bl_parent_id = "FMM_RADIOSITY_PT_scene"
+
+
+class FMM_RADIOSITY_PT_scene_output(_InScene, _Output, bpy.types.Panel):
+    """What is baked and written, in the scene's properties."""
+
+    bl_parent_id = "FMM_RADIOSITY_PT_scene"
+
+
+def label(running: Running) -> str:
+    """Phase and remaining seconds of a bake under way."""
+    left = running.seconds_left()
+    text = translated(running.text)
+    return text if left is None else translated("{:s}, {:s} left").format(text, estimate.spoken(left))
+
+
+def draw_status(header: bpy.types.Header, _context: bpy.types.Context) -> None:
+    """Draw the status bar while a bake is under way."""
+    if session.running is not None:
+        header.layout.label(text="Cancel", icon="EVENT_ESC")
+        row = header.layout.row()
+        row.ui_units_x = 20
+        row.progress(factor=session.running.fraction, text=label(session.running))
+
+
+def _draw_settings(layout: bpy.types.UILayout, context: bpy.types.Context, *names: str) -> None:
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    column = layout.column()
+    column.enabled = session.running is None
+    for name in names:
+        column.prop(context.scene.fmm_radiosity, name)
+
+
+def _draw_pair(column: bpy.types.UILayout, name: str, value: str) -> None:
+    split = column.split(factor=0.6)
+    split.label(text=name)
+    split.label(text=value, translate=False)
+
+
+def _draw_summary(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    cost = estimate.of_scene(context.scene, context.view_layer)
+    text = translated("About {:s} and {:,d} MiB for {:,d} vertices")
     column = layout.column(align=True)
-    for line in bake.summary(report).split(", "):
-        column.label(text=line)
-    for warning in report["warnings"][:5]:
-        column.label(text=warning, icon="ERROR")
-    if len(report["warnings"]) > 5:
-        column.label(text=f"and {len(report['warnings']) - 5} more, see the Info editor")
+    column.label(text=text.format(estimate.spoken(cost.seconds), cost.memory_mib, cost.colours), translate=False)
+    if session.report is not None:
+        column.label(text=summary(session.report), icon="CHECKMARK", translate=False)
+
+
+CLASSES = (
+    FMM_RADIOSITY_PT_presets,
+    FMM_RADIOSITY_PT_bake,
+    FMM_RADIOSITY_PT_quality,
+    FMM_RADIOSITY_PT_output,
+    FMM_RADIOSITY_PT_result,
+    FMM_RADIOSITY_PT_scene,
+    FMM_RADIOSITY_PT_scene_quality,
+    FMM_RADIOSITY_PT_scene_output,
+)

@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from fmm_core import Error
 
-from .attributes import NAME
-
 if TYPE_CHECKING:
     import bpy
 
@@ -24,15 +22,15 @@ SAMPLES = 16
 _PNG_END = b"IEND\xaeB`\x82"
 
 
-def render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, corners: np.ndarray, path: Path) -> None:
+def render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, corners: np.ndarray, name: str, path: Path) -> None:
     """Render the baked scene to a PNG file, from its camera or, without one, from where everything is in view.
 
-    corners (C,3): positions in m that a camera of its own has to see. Raises fmm_core.Error where Blender cannot
-    render, OSError where the file is not whole.
+    corners (C,3): positions in m that a camera of its own has to see; name: the attribute to show. Raises
+    fmm_core.Error where Blender cannot render, OSError where the file is not whole.
     """
     import bpy
 
-    material = _attribute_material(_white(scene))
+    material = _attribute_material(name, _white(scene))
     images = set(bpy.data.images)
     copy = scene.copy()
     camera = None
@@ -62,7 +60,7 @@ def _white(scene: bpy.types.Scene) -> float:
     return 2.0**-scene.view_settings.exposure / scene.cycles.film_exposure
 
 
-def _attribute_material(white: float) -> bpy.types.Material:
+def _attribute_material(name: str, white: float) -> bpy.types.Material:
     """Emission from the attribute, cut at white: a lamp as it is would outshine the other samples of a pixel."""
     import bpy
 
@@ -72,7 +70,7 @@ def _attribute_material(white: float) -> bpy.types.Material:
     nodes, links = material.node_tree.nodes, material.node_tree.links
     nodes.clear()
     attribute = nodes.new("ShaderNodeAttribute")
-    attribute.attribute_name = NAME
+    attribute.attribute_name = name
     emission = nodes.new("ShaderNodeEmission")
     output = nodes.new("ShaderNodeOutputMaterial")
     shown = nodes.new("ShaderNodeVectorMath")

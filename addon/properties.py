@@ -6,6 +6,8 @@ from __future__ import annotations
 import bpy
 import fmm_core
 
+from . import attributes
+
 _DEFAULTS = fmm_core.Settings()
 
 
@@ -13,47 +15,110 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
     """Saved in the scene as `scene.fmm_radiosity`; 0 stands for "let the solver choose"."""
 
     truncation: bpy.props.IntProperty(
-        name="Truncation",
-        description="Order p at which the multipole expansions are cut: more is slower and more accurate",
+        name="Truncation p",
+        description="How finely light from far away is summed up: 2 is quick, 4 is right for most scenes, 8 is exact "
+        "beyond what is seen. A number, the order at which the expansions are cut",
         default=_DEFAULTS.truncation,
         min=0,
+        soft_min=2,
+        soft_max=10,
         max=20,
     )
     grouping: bpy.props.IntProperty(
-        name="Grouping",
-        description="At most this many particles s in a leaf of the octree, 0 to choose from the scene",
+        name="Grouping s",
+        description="At most this many light points are put together in one box. It changes the time, hardly the "
+        "picture; 0 chooses it from the scene",
         default=0,
         min=0,
+        soft_max=1024,
         max=4096,
     )
     particles: bpy.props.IntProperty(
-        name="Particles",
-        description="About how many points the light is gathered at, 0 to choose from the scene",
+        name="Light Points",
+        description="About how many points the surfaces are cut into to pass light on. More give finer bounced light; "
+        "0 chooses the number from the scene",
         default=0,
         min=0,
         soft_max=1_000_000,
     )
     rays: bpy.props.IntProperty(
-        name="Rays",
-        description="About how many shadow rays each colour is found with: more is slower and less grainy",
+        name="Rays per Colour",
+        description="About how many shadow rays each colour is found with. Four times as many take about three times "
+        "as long and halve the grain",
         default=_DEFAULTS.rays,
         min=10,
+        soft_min=50,
         soft_max=5000,
         max=100_000,
     )
     target_error: bpy.props.FloatProperty(
         name="Target Error",
-        description="Relative error of the light that is good enough, 0 to use the other settings as they are",
+        description="Error that is good enough, as a share of the light: 0.01 is one percent. 0 uses the other "
+        "settings as they are",
         default=0.0,
         min=0.0,
+        soft_max=0.1,
         max=1.0,
+        step=0.1,
         precision=4,
     )
     keep_visibility: bpy.props.BoolProperty(
         name="Keep Visibility",
-        description="Save what sees what in a file beside the .blend, so that the next bake is faster, also in another "
-        "session, as long as only lights and colours have changed",
+        description="Save what sees what in a file, so that the next bake is faster, also after Blender was closed, as "
+        "long as only lights and colours have changed",
         default=False,
+    )
+    scope: bpy.props.EnumProperty(
+        name="Bake",
+        description="Which objects take part, and which of them get colours",
+        items=(
+            ("VISIBLE", "Visible", "What the viewport and a render both show"),
+            ("SCENE", "Whole Scene", "All that a render shows, also where it is hidden in the viewport"),
+            ("SELECTED", "Selected", "Only selected meshes get colours; all that is visible casts shadows and light"),
+        ),
+        default="VISIBLE",
+    )
+    attribute_name: bpy.props.StringProperty(
+        name="Attribute",
+        description="Name of the colour attribute that is written. That of an earlier bake is replaced",
+        default=attributes.NAME,
+        maxlen=60,
+    )
+    content: bpy.props.EnumProperty(
+        name="Write",
+        description="What the colours are",
+        items=(
+            ("FULL", "Full", "What a camera sees: base colour times light, and the glow of lamps (radiance, W/m²/sr)"),
+            ("LIGHTING", "Lighting Only", "All light that arrives, without the base colour, to be multiplied with it "
+             "in a material or a game engine (irradiance / pi)"),
+            ("INDIRECT", "Indirect Only", "Light that arrives after at least one bounce, without the base colour, "
+             "for scenes that keep their lamps (irradiance / pi)"),
+        ),
+        default="FULL",
+    )  # fmt: skip
+    domain: bpy.props.EnumProperty(
+        name="Domain",
+        description="Where the colours are kept",
+        items=(
+            ("AUTO", "Automatic", "One colour a vertex where nothing is lost by it, else one a face corner"),
+            ("POINT", "Vertex", "One colour a vertex: small, but hard edges are smoothed over"),
+            ("CORNER", "Face Corner", "One colour for each corner of each face: hard edges stay hard"),
+        ),
+        default="AUTO",
+    )
+    byte: bpy.props.BoolProperty(
+        name="8 Bit",
+        description="Keep colours in 8 bits a channel, a quarter of the size. What is brighter than white is cut off",
+        default=False,
+    )
+    exposure: bpy.props.FloatProperty(
+        name="Exposure",
+        description="Make 8 bit colours brighter by so many stops (one stop doubles) before they are cut off at white",
+        default=0.0,
+        soft_min=-8.0,
+        soft_max=8.0,
+        min=-32.0,
+        max=32.0,
     )
 
 
@@ -68,6 +133,12 @@ def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Setting
         "target_error": own.target_error or None,
     }
     return fmm_core.Settings(**(values | overrides))
+
+
+def output_of(scene: bpy.types.Scene) -> attributes.Output:
+    """What a bake of a scene writes."""
+    own = scene.fmm_radiosity
+    return attributes.Output(own.attribute_name, own.content, own.domain, own.byte, own.exposure)
 
 
 def register() -> None:

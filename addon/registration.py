@@ -3,28 +3,40 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 
 from ..operators.bake import FMM_RADIOSITY_OT_bake
-from . import command_line, properties
-from .panels import FMM_RADIOSITY_PT_bake
+from ..operators.presets import FMM_RADIOSITY_OT_preset_add
+from ..operators.show_report import FMM_RADIOSITY_OT_show_report
+from . import command_line, panels, properties
 from .session import session
 
-_CLASSES = (properties.FMM_RADIOSITY_settings, FMM_RADIOSITY_OT_bake, FMM_RADIOSITY_PT_bake)
+_CLASSES = (
+    properties.FMM_RADIOSITY_settings,
+    FMM_RADIOSITY_OT_bake,
+    FMM_RADIOSITY_OT_preset_add,
+    FMM_RADIOSITY_OT_show_report,
+    *panels.CLASSES,
+)
+#: Holds a folder "presets".
+_FOLDER = str(Path(__file__).parent)
 _commands = []
 
 
 @bpy.app.handlers.persistent
 def _forget(*_: object) -> None:
-    """Let go of the last solution: another file has other geometry, and it can be large."""
-    session.solution = None
+    """Let go of the last bake: another file has other geometry, and its solution can be large."""
+    session.solution = session.report = None
 
 
 def register() -> None:
-    """Register classes, scene settings and the command of `blender --command`."""
+    """Register classes, scene settings, presets and the command of `blender --command`."""
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     properties.register()
+    bpy.utils.register_preset_path(_FOLDER)
     bpy.app.handlers.load_pre.append(_forget)
     _commands.append(bpy.utils.register_cli_command("fmm_radiosity", command_line.main))
 
@@ -34,7 +46,8 @@ def unregister() -> None:
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     bpy.app.handlers.load_pre.remove(_forget)
-    _forget()
+    bpy.utils.unregister_preset_path(_FOLDER)
+    session.close()
     properties.unregister()
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)

@@ -3,11 +3,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import fmm_core
+
+#: Before so much is done nobody can tell when the rest will be.
+_FIRST_FRACTION = 0.03
 
 
 @dataclass
@@ -17,11 +24,18 @@ class Running:
     fraction: float = 0.0
     text: str = "Reading the scene"
     cancelled: bool = False
+    began: float = field(default_factory=time.monotonic)
 
     def progress(self, fraction: float, text: str) -> bool:
         """Progress callback of the solve; False once the user has cancelled."""
         self.fraction, self.text = fraction, text
         return not self.cancelled
+
+    def seconds_left(self) -> float | None:
+        """Seconds that the rest takes if it goes on as it did so far, None where that cannot be told yet."""
+        if self.fraction < _FIRST_FRACTION:
+            return None
+        return (time.monotonic() - self.began) * (1 - self.fraction) / self.fraction
 
 
 @dataclass
@@ -29,12 +43,29 @@ class Session:
     """What is remembered.
 
     running: the bake under way or None; report: that of the last finished bake or None; solution: what it solved, which
-    serves the next bake where only lights and colours have changed, or None.
+    serves the next bake where only lights and colours have changed, or None; pace: how much longer bakes take on this
+    machine than `estimate` has it
     """
 
     running: Running | None = None
     report: dict | None = None
     solution: fmm_core.Solution | None = None
+    pace: float = 1.0
+    _pool: ThreadPoolExecutor | None = None
+
+    def submit(self, work: Callable, *arguments: object) -> Future:
+        """Start work in the thread that all bakes share: one that was cancelled ends before the next one begins."""
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(max_workers=1)
+        return self._pool.submit(work, *arguments)
+
+    def close(self) -> None:
+        """Cancel what is under way, wait for its end and forget everything."""
+        if self.running is not None:
+            self.running.cancelled = True
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+        self.__init__()
 
 
 session = Session()

@@ -18,7 +18,7 @@ def fmm():
     import addon_utils
 
     assert addon_utils.enable(MODULE) is not None
-    names = ("export", "bake", "attributes", "materials", "properties", "command_line", "session")
+    names = ("export", "bake", "attributes", "materials", "properties", "command_line", "session", "report", "estimate")
     return SimpleNamespace(**{name: importlib.import_module(f"{MODULE}.addon.{name}") for name in names})
 
 

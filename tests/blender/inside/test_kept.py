@@ -69,11 +69,11 @@ def test_bake_with_other_lights_and_colours_traces_no_ray(build, fmm, bake):
     build.room()
     before, report = bake()
     assert report["counts"]["rays"] > 0
-    assert "kept" not in fmm.bake.summary(report)
+    assert "kept" not in fmm.report.summary(report)
     change_lights()
     after, report = bake()
     assert report["counts"]["rays"] == 0
-    assert fmm.bake.summary(report).endswith(", visibility kept")
+    assert fmm.report.summary(report).endswith(", visibility kept")
     assert report["warnings"] == []
     assert not same(after, before, rtol=0.1)
     forget(fmm)

@@ -1,0 +1,9 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import bpy
+
+settings = bpy.context.scene.fmm_radiosity
+settings.truncation = 2
+settings.grouping = 0
+settings.particles = 0
+settings.rays = 200
+settings.target_error = 0.0

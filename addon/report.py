@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The report of a bake in words."""
+
+from __future__ import annotations
+
+#: Phases of a bake, as an artist may call them.
+PHASES = {
+    "export": "Reading",
+    "tree": "Sorting",
+    "lists": "Pairing",
+    "visibility": "Shadows",
+    "transport": "Bounces",
+    "evaluate": "Colouring",
+    "accuracy": "Measuring",
+    "write": "Writing",
+    "total": "All Together",
+}
+
+
+def percent(share: float) -> str:
+    """A share as percent with two digits."""
+    return f"{100 * share:.2g} %"
+
+
+def summary(report: dict) -> str:
+    """A report in one line."""
+    counts, error = report["counts"], report.get("error") or {}
+    measured, seconds = error.get("measured_rms"), report["seconds"]["total"]
+    text = f"{counts['output_points']:,} points from {counts['triangles']:,} triangles in {seconds:.2f} s"
+    if measured is not None:
+        text = f"{text}, measured error {percent(measured)}"
+    return f"{text}, visibility kept" if report["visibility_kept"] and not counts["rays"] else text
+
+
+def text(report: dict) -> str:
+    """A report as a page to read."""
+    error, lines = report["error"], [f"Radiosity: {summary(report)}", ""]
+    if error["measured_rms"] is not None:
+        lines += [
+            f"Measured error: {percent(error['measured_rms'])} of the light on average, at most "
+            f"{percent(error['measured_max'])}, at {error['probes']} random points",
+            "",
+        ]
+    lines += ["Seconds", *(f"  {name:<14}{report['seconds'][phase]:9.2f}" for phase, name in PHASES.items()), ""]
+    lines += ["Counts", *(f"  {name.replace('_', ' '):<14}{count:>14,}" for name, count in report["counts"].items())]
+    if report["peak_memory_mib"] is not None:
+        lines += ["", f"Largest memory of Blender so far: {report['peak_memory_mib']:,.0f} MiB"]
+    chosen = {name: value for name, value in report["settings"].items() if value is not None}
+    lines += ["", "Settings", *(f"  {name.replace('_', ' '):<14}{value:>14}" for name, value in chosen.items())]
+    if report["warnings"]:
+        lines += ["", "Warnings", *(f"  {warning}" for warning in report["warnings"])]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all operators share that solve in a thread of their own while the window stays alive."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from typing import TYPE_CHECKING
+
+import bpy
+from bpy.app.translations import pgettext_iface as translated
+from fmm_core import Cancelled
+
+from ..addon import bake, estimate, properties
+from ..addon.panels import draw_status
+from ..addon.report import summary
+from ..addon.session import Running, session
+
+if TYPE_CHECKING:
+    import fmm_core
+
+
+class Threaded:
+    """Reads the scene, solves in a thread, writes the colours. Escape cancels; in background straight through."""
+
+    _timer: bpy.types.Timer | None = None
+    _future: Future | None = None
+    _running: Running | None = None
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Object Mode, and no other bake under way."""
+        if session.running is not None:
+            cls.poll_message_set("A bake is under way")
+            return False
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Switch to Object Mode first")
+            return False
+        return True
+
+    def read(self, context: bpy.types.Context) -> bake.Input:
+        """Read what is to be solved."""
+        return bake.read(context, context.scene.fmm_radiosity.keep_visibility)
+
+    def solve(self, data: bake.Input, settings: fmm_core.Settings, progress: bake.Progress | None) -> bake.Result:
+        """Solve; runs in the thread, away from Blender."""
+        return bake.compute(data, settings, progress, session)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Straight through."""
+        try:
+            settings = properties.settings_of(context.scene)
+            return self._succeed(context, self.solve(self.read(context), settings, None))
+        except bake.FAILURES as error:
+            return self._fail(error)
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """In a thread of its own, where there is a window."""
+        if bpy.app.background or not self.options.is_invoke:
+            return self.execute(context)
+        try:
+            settings, data = properties.settings_of(context.scene), self.read(context)
+        except bake.FAILURES as error:
+            return self._fail(error)
+        self._running = session.running = Running()
+        self._future = session.submit(self.solve, data, settings, self._running.progress)
+        self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        _show(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Watch the thread."""
+        if event.type == "ESC" and event.value == "PRESS":
+            self._stop(context)
+            return self._fail(Cancelled())
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        if not self._future.done():
+            _show(context)
+            return {"PASS_THROUGH"}
+        self._stop(context)
+        try:
+            return self._succeed(context, self._future.result())
+        except bake.FAILURES as error:
+            return self._fail(error)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when it ends the operator, as when a file is opened or the program quits."""
+        self._stop(context)
+
+    def _stop(self, context: bpy.types.Context) -> None:
+        """Let go of the thread: where it still runs, it ends by itself at the next step and its work is dropped."""
+        self._running.cancelled = True
+        session.running = None
+        context.window_manager.event_timer_remove(self._timer)
+        context.workspace.status_text_set(None)
+        _redraw(context)
+
+    def _succeed(self, context: bpy.types.Context, result: bake.Result) -> set[str]:
+        report = session.report = bake.write(result)
+        estimate.learn(report, context.scene, context.view_layer)
+        for warning in report["warnings"]:
+            self.report({"WARNING"}, warning)
+        self.report({"INFO"}, f"{translated('Radiosity baked')}: {summary(report)}")
+        return {"FINISHED"}
+
+    def _fail(self, error: Exception) -> set[str]:
+        if isinstance(error, Cancelled):
+            self.report({"INFO"}, translated("Bake cancelled, nothing was changed"))
+        else:
+            self.report({"ERROR"}, bake.reason(error))
+        return {"CANCELLED"}
+
+
+def _show(context: bpy.types.Context) -> None:
+    # Setting it again draws it again.
+    context.workspace.status_text_set(draw_status)
+    _redraw(context)
+
+
+def _redraw(context: bpy.types.Context) -> None:
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in ("VIEW_3D", "PROPERTIES"):
+                area.tag_redraw()

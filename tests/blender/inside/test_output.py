@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the panel Output and the presets change."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from fmm_core import Error
+from scenes import baked
+
+
+@pytest.fixture
+def settings(empty):
+    own = bpy.context.scene.fmm_radiosity
+    own.particles = 300
+    return own
+
+
+def bake():
+    assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+    return {mesh.name: baked(mesh)[:, :3].astype(float) for mesh in bpy.data.meshes}
+
+
+def blacken():
+    bpy.data.materials["Red"].node_tree.nodes["Diffuse BSDF"].inputs["Color"].default_value = (0, 0, 0, 1)
+    bpy.data.materials["Blue"].node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0, 0, 0, 1)
+
+
+def test_light_alone_times_base_colour_is_the_full_colour(build, settings):
+    build.room()
+    full = bake()
+    settings.content = "LIGHTING"
+    light = bake()
+    assert np.allclose(light["Box"] * (0.1, 0.3, 0.8), full["Box"], rtol=1e-4, atol=1e-6)
+    assert full["Box"].max() > 0.01
+    # What a lamp gives off itself is no light that arrives there.
+    assert full["Lamp"].min() > 0.9
+    assert light["Lamp"].max() < 0.5
+
+
+def test_indirect_light_is_what_black_surfaces_do_not_send(build, settings):
+    build.room()
+    settings.content = "LIGHTING"
+    light = bake()
+    settings.content = "INDIRECT"
+    indirect = bake()
+    settings.content = "LIGHTING"
+    blacken()
+    direct = bake()
+    assert indirect["Box"].max() > 0.01
+    for name in ("Box", "Floor"):
+        assert np.allclose(direct[name] + indirect[name], light[name], rtol=1e-3, atol=1e-5)
+
+
+def test_domain_can_be_chosen(build, settings):
+    build.room()
+    corners = bake()["Box"]
+    mesh = bpy.data.meshes["Box"]
+    vertices = [loop.vertex_index for loop in mesh.loops]
+    settings.domain = "POINT"
+    points = bake()["Box"]
+    assert (len(corners), len(points)) == (24, 8)
+    for vertex in range(8):
+        assert np.allclose(points[vertex], corners[np.equal(vertices, vertex)].mean(axis=0), atol=1e-6)
+    build.ball("Ball", build.material("Grey")).location = (2, 2, 1)
+    settings.domain = "CORNER"
+    assert len(bake()["Ball"]) == len(bpy.data.meshes["Ball"].loops)
+    assert bpy.data.meshes["Ball"].color_attributes["Radiosity"].domain == "CORNER"
+
+
+def test_bytes_are_cut_at_white_after_the_exposure(build, settings):
+    build.room()
+    full = bake()
+    settings.byte, settings.exposure = True, 3.0
+    found = bake()
+    assert bpy.data.meshes["Box"].color_attributes["Radiosity"].data_type == "BYTE_COLOR"
+    expected = np.minimum(8 * full["Box"], 1.0)
+    assert (found["Lamp"] == 1).all()
+    assert expected.max() > 0.1
+    # Half a step of 255 in sRGB, whose slope is at most 2.3 in linear values.
+    assert np.abs(found["Box"] - expected).max() < 2.3 * 0.5 / 255
+
+
+def test_another_name_leaves_the_earlier_bake(build, settings):
+    build.room()
+    before = bake()
+    settings.attribute_name, settings.content = "Lichtkarte ü", "LIGHTING"
+    assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+    mesh = bpy.data.meshes["Box"]
+    assert sorted(mesh.color_attributes.keys()) == ["Lichtkarte ü", "Radiosity"]
+    assert mesh.color_attributes.active_color.name == "Lichtkarte ü"
+    assert (baked(mesh)[:, :3] == before["Box"]).all()
+
+
+@pytest.mark.parametrize("name", ["", ".hidden", "position"])
+def test_impossible_names_are_an_error_before_the_solve(build, fmm, settings, name):
+    build.room()
+    settings.attribute_name = name
+    with pytest.raises(Error, match=f"'{name}'"):
+        fmm.bake.read(bpy.context)
+    assert all("Radiosity" not in mesh.attributes for mesh in bpy.data.meshes)
+
+
+def test_selected_meshes_get_the_colours_that_they_have_in_the_whole_scene(build, settings):
+    build.room()
+    expected = bake()
+    for mesh in bpy.data.meshes:
+        mesh.color_attributes.remove(mesh.color_attributes["Radiosity"])
+    settings.scope = "SELECTED"
+    with pytest.raises(RuntimeError, match="select"):
+        bpy.ops.fmm_radiosity.bake()
+    bpy.data.objects["Box"].select_set(True)
+    assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+    assert [mesh.name for mesh in bpy.data.meshes if "Radiosity" in mesh.color_attributes] == ["Box"]
+    assert np.allclose(baked(bpy.data.meshes["Box"])[:, :3], expected["Box"], rtol=1e-5)
+
+
+@pytest.mark.parametrize("how", ["eye", "switch", "collection"])
+def test_whole_scene_takes_what_the_viewport_hides_and_leaves_it_hidden(build, settings, how):
+    build.room()
+    expected = bake()
+    lamp, layer = bpy.data.objects["Lamp"], bpy.context.view_layer
+    collection = bpy.data.collections.new("Lamps")
+    bpy.context.scene.collection.children.link(collection)
+    bpy.context.scene.collection.objects.unlink(lamp)
+    collection.objects.link(lamp)
+    if how == "eye":
+        lamp.hide_set(True)
+    elif how == "switch":
+        lamp.hide_viewport = True
+    else:
+        layer.layer_collection.children["Lamps"].hide_viewport = True
+
+    def flags():
+        item = layer.layer_collection.children["Lamps"]
+        return lamp.hide_get(), lamp.hide_viewport, item.hide_viewport, collection.hide_viewport, lamp.visible_get()
+
+    layer.update()
+    before = flags()
+    with pytest.raises(RuntimeError, match="gives off light"):
+        bpy.ops.fmm_radiosity.bake()
+    settings.scope = "SCENE"
+    found = bake()
+    assert flags() == before
+    assert np.allclose(found["Box"], expected["Box"], rtol=1e-5)
+    settings.scope = "VISIBLE"
+    with pytest.raises(RuntimeError, match="gives off light"):
+        bpy.ops.fmm_radiosity.bake()
+
+
+def preset(name):
+    return next(path / f"{name}.py" for path in map(Path, bpy.utils.preset_paths("fmm_radiosity"))
+                if (path / f"{name}.py").exists())  # fmt: skip
+
+
+def test_presets_are_there_and_can_be_loaded(settings, fmm):
+    chosen = []
+    for name in ("Draft", "Good", "Fine", "Paper_p2"):
+        settings.particles = 7
+        done = bpy.ops.script.execute_preset(filepath=str(preset(name)), menu_idname="FMM_RADIOSITY_PT_presets")
+        assert done == {"FINISHED"}
+        chosen.append((settings.truncation, settings.rays, settings.particles))
+        fmm.properties.settings_of(bpy.context.scene)
+    assert chosen == [(2, 50, 0), (4, 200, 0), (6, 1500, 0), (2, 200, 0)]
+    settings.rays = 333
+    assert bpy.ops.fmm_radiosity.preset_add(name="My own") == {"FINISHED"}
+    settings.rays = 10
+    bpy.ops.script.execute_preset(filepath=str(preset("My_own")), menu_idname="FMM_RADIOSITY_PT_presets")
+    assert settings.rays == 333
+    assert bpy.ops.fmm_radiosity.preset_add(name="My own", remove_name=True) == {"FINISHED"}
+    with pytest.raises(StopIteration):
+        preset("My_own")
+
+
+def test_expected_cost_follows_the_counted_rays_and_the_last_bake(build, fmm, settings):
+    steps = 60
+    grid = [(x / steps, y / steps, 0.0) for y in range(steps + 1) for x in range(steps + 1)]
+    row = steps + 1
+    faces = [(j * row + i, j * row + i + 1, (j + 1) * row + i + 1, (j + 1) * row + i)
+             for j in range(steps) for i in range(steps)]  # fmt: skip
+    build.object("Ground", grid, faces, build.material("Grey"))
+    build.quad("Lamp", build.light(), z=0.7, down=True)
+    build.cube("Box", build.material("Red"), size=0.2).location = (0.5, 0.5, 0.3)
+    settings.particles = 0
+    scene, layer = bpy.context.scene, bpy.context.view_layer
+    expected = fmm.estimate.of_scene(scene, layer)
+    assert expected.colours == row * row + 4 + 8
+    bake()
+    report = fmm.session.session.report
+    assert 0.4 < expected.rays / report["counts"]["rays"] < 2.5
+    after = fmm.estimate.of_scene(scene, layer)
+    assert after.seconds == pytest.approx(report["seconds"]["total"], rel=1e-6)
+    settings.rays = 2000
+    assert fmm.estimate.of_scene(scene, layer).rays > 4 * expected.rays
+
+
+def test_report_can_be_read_as_a_text(build, fmm, settings):
+    build.room()
+    fmm.session.session.report = None
+    with pytest.raises(RuntimeError, match="Bake first"):
+        bpy.ops.fmm_radiosity.show_report()
+    bpy.data.materials["Red"].node_tree.nodes["Diffuse BSDF"].inputs["Color"].default_value = (2, 0, 0, 1)
+    bake()
+    for _ in range(2):
+        assert bpy.ops.fmm_radiosity.show_report() == {"FINISHED"}
+    text = bpy.data.texts["Radiosity Report"].as_string()
+    report = fmm.session.session.report
+    assert len(bpy.data.texts) == 1
+    assert f"{report['counts']['triangles']}" in text
+    assert report["warnings"]
+    assert all(warning in text for warning in report["warnings"])
