@@ -91,6 +91,21 @@ def test_light_does_not_leak_through_a_wall(gap):
     assert dark.max() < 1e-6 * lit.min()
 
 
+@pytest.mark.parametrize("cells", [11, 60])
+@pytest.mark.parametrize("thickness", [0.0, 0.02])
+def test_light_does_not_leak_along_a_floor_under_a_wall(cells, thickness):
+    # The cells of the room's floor, walls and ceiling lie under the wall, and have a lit part and a dark one.
+    room = shapes.subdivided_room(cells) * [2.0, 1.0, 1.0]
+    low, high = [0.953, -0.01, -0.01], [0.953 + thickness, 1.01, 1.01]
+    triangles = np.concatenate([room, block(low, high), LAMP])
+    scene = fmm_core.Scene(triangles, 0.7, np.where(np.arange(len(triangles)) < len(triangles) - 2, 0.0, 10.0))
+    solution = fmm_core.solve(scene, fmm_core.Settings(particles=4000, **FMM))
+    points, normals = shapes.random_points(shapes.room([2.0, 1.0, 1.0]), 500)
+    found = solution.irradiance(points, normals)
+    dark = points[:, 0] > high[0] + 1e-3
+    assert found[dark].max() < 1e-6 * found[points[:, 0] < 0.9].mean()
+
+
 @pytest.mark.parametrize("gap", [0.0, -0.05, 1e-4])
 def test_contact_interpenetration_and_a_close_plane_make_no_leak(gap):
     # The bottom of the block, and the floor below it, are dark.

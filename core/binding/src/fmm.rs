@@ -13,7 +13,7 @@ use ::fmm::near_field::Patches;
 use ::fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
 use ::fmm::rays::Frame;
 use ::fmm::visibility::{Rays, VisibilityOptions};
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
@@ -25,6 +25,8 @@ type RayArrays<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f32>>, Bou
 /// Points (R,), origins and directions (R, 3).
 type HemisphereArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
 type SeenArrays<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<f64>>);
+type ContactArrays<'py> =
+    (Bound<'py, PyArray1<i8>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<bool>>);
 /// Irradiance, and the seconds of each pass.
 type Timed<'py> = (Bound<'py, PyArray2<f64>>, driver::Seconds);
 
@@ -101,17 +103,17 @@ impl Fmm {
     }
 
     /// Makes visible lists: areas, weights, reach, coarse and radii (N,) of the sources, frame as (centre,
-    /// scale, offset), effort as (share, angle, run_angle, part_angle, aimed, density). Whether `link` wants to know how open sources are.
+    /// scale, offset), effort as (share, angle, run_angle, part_angle, density).
     fn occlude(
         &mut self,
         py: Python,
         sources: [PyReadonlyArray1<f64>; 5],
         frame: ([f64; 3], f64, f64),
-        effort: (f64, f64, f64, f64, usize, usize),
-    ) -> PyResult<bool> {
+        effort: (f64, f64, f64, f64, usize),
+    ) -> PyResult<()> {
         let (centre, scale, offset) = frame;
-        let (share, angle, run_angle, part_angle, aimed, density) = effort;
-        let options = VisibilityOptions { share, angle, run_angle, part_angle, aimed, density };
+        let (share, angle, run_angle, part_angle, density) = effort;
+        let options = VisibilityOptions { share, angle, run_angle, part_angle, density };
         let frame = Frame { centre, scale, offset };
         let [areas, weights, reach, coarse, radii] = &sources;
         let scene = Occluded {
@@ -123,12 +125,6 @@ impl Fmm {
             radii: flat(radii)?,
         };
         py.detach(|| self.driver.occlude(&scene, options)).map_err(value_error)
-    }
-
-    /// Makes the links; weights (N,) as for `occlude`.
-    fn link(&mut self, py: Python, weights: PyReadonlyArray1<f64>) -> PyResult<()> {
-        let weights = flat(&weights)?;
-        py.detach(|| self.driver.link(weights)).map_err(value_error)
     }
 
     /// The near patches of the targets, but for those that rays over hemispheres find.
@@ -248,7 +244,7 @@ impl Fmm {
     }
 }
 
-/// The input triangles (T, 3, 3) with the tree of their bisections: edges (K,), parts (K, 2), and the barycentric
+/// The input triangles (T, 3, 3) with the tree of their bisections: edges (K,), fractions (K,), parts (K, 2), and the barycentric
 /// coordinates (points_per_patch, 3) of the sources on each of so many patches.
 #[pyclass(frozen)]
 pub struct Surface {
@@ -261,6 +257,7 @@ impl Surface {
     fn new(
         scene: PyReadonlyArray3<f64>,
         edges: PyReadonlyArray1<i8>,
+        fractions: PyReadonlyArray1<f64>,
         parts: PyReadonlyArray2<u32>,
         rule: Points,
         patches: usize,
@@ -270,7 +267,8 @@ impl Surface {
             return Err(value_error("parts: expected shape (K, 2)"));
         }
         let rule = triples(&rule, "rule")?;
-        let surface = ::fmm::surface::Surface::new(triangles(&scene)?, flat(&edges)?, halves, rule, patches);
+        let surface =
+            ::fmm::surface::Surface::new(triangles(&scene)?, flat(&edges)?, flat(&fractions)?, halves, rule, patches);
         Ok(Surface { surface: surface.map_err(value_error)? })
     }
 
@@ -303,6 +301,17 @@ pub fn group<'py>(
 ) -> PyResult<Bound<'py, PyArray1<u32>>> {
     let (triangles, kinds) = (triangles(&scene)?, flat(&kinds)?);
     Ok(vector(py, py.detach(|| ::fmm::groups::group(triangles, kinds, count)).map_err(value_error)?))
+}
+
+/// Bisections of triangles (T, 3, 3) where other meshes meet them, as `Surface` takes them: edges (K,), fractions (K,),
+/// parts (K, 2); and touched (T,), which ones another mesh touches at all.
+#[pyfunction]
+pub fn contacts<'py>(py: Python<'py>, scene: PyReadonlyArray3<f64>) -> PyResult<ContactArrays<'py>> {
+    let triangles = triangles(&scene)?;
+    let found = py.detach(|| ::fmm::contacts::contacts(triangles));
+    let count = found.parts.len();
+    let parts = PyArray1::from_vec(py, found.parts.into_flattened()).reshape([count, 2])?;
+    Ok((vector(py, found.edges), vector(py, found.fractions), parts, vector(py, found.touched)))
 }
 
 /// Scene numbers (N,) of points in the order of an octree: any run of them lies close together.

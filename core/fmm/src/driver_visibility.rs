@@ -53,10 +53,9 @@ impl Fmm {
         self.blockers.len()
     }
 
-    /// Makes visible lists of the pairs that are proved to see each other as a whole. Others are left to [`Fmm::link`] and
-    /// to rays over the hemispheres of the points of open leaves. Whether rays are aimed at sources that do not emit, so
-    /// that links want to know how open these are.
-    pub fn occlude(&mut self, scene: &Occluded, options: VisibilityOptions) -> Result<bool, Error> {
+    /// Makes visible lists of the pairs that are proved to see each other as a whole. Others are left to links,
+    /// and to rays over the hemispheres of the points of open leaves.
+    pub fn occlude(&mut self, scene: &Occluded, options: VisibilityOptions) -> Result<(), Error> {
         for values in [scene.areas, scene.weights, scene.reach, scene.coarse, scene.radii] {
             same_length("what is known of the sources", self.sources.n_points(), values.len())?;
         }
@@ -86,19 +85,8 @@ impl Fmm {
         visibility.list(&view, &mut self.lists);
         self.batches = self.lists.batches(&self.targets, &self.sources, TARGETS_PER_SLAB);
         self.translations = OnceLock::new();
-        let aims = visibility.aims;
+        self.links = visibility.link(&view);
         self.rounds = Some(Rounds { view, visibility });
-        Ok(aims)
-    }
-
-    /// Makes the links, which want rays; `weights` (N,) as in [`Occluded`], with how open each source is.
-    pub fn link(&mut self, weights: &[f64]) -> Result<(), Error> {
-        same_length("source weights", self.sources.n_points(), weights.len())?;
-        let weights: Vec<f64> = self.sources.to_scene.iter().map(|&j| weights[j as usize]).collect();
-        if let Some(Rounds { view, visibility }) = &mut self.rounds {
-            view.weights = Weights::new(&weights);
-            self.links = visibility.link(view);
-        }
         Ok(())
     }
 

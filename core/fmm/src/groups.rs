@@ -14,12 +14,12 @@ const CELLS_PER_MESH: f64 = 16.0;
 /// Halvings of the range of sizes within which the wanted number of groups is looked for.
 const STEPS: usize = 12;
 
-/// The group of each triangle, numbered from 0 in order of first appearance: neighbours in one cell of a grid, of similar
+/// The group of each triangle, numbered from 0 in order of first appearance: joined by corners in one cell of a grid, of similar
 /// normals, of one kind (T,) and of one mesh. The grid is about the finest that makes no more than `count` groups, but
 /// never coarser than a share of each mesh.
 pub fn group(triangles: &[[[f64; 3]; 3]], kinds: &[u32], count: usize) -> Result<Vec<u32>, Error> {
     same_length("kinds", triangles.len(), kinds.len())?;
-    let meshes = connected(triangles);
+    let meshes = connected(triangles, &vec![0; triangles.len()]);
     let largest: Vec<f64> = extents(triangles, &meshes).iter().map(|extent| extent / CELLS_PER_MESH).collect();
     let normals: Vec<[f64; 3]> = triangles.iter().map(|t| cross(sub(t[1], t[0]), sub(t[2], t[0]))).collect();
     let corners = triangles.iter().flatten().copied();
@@ -45,7 +45,7 @@ pub fn group(triangles: &[[[f64; 3]; 3]], kinds: &[u32], count: usize) -> Result
         if distinct(keys(size * f64::exp2(middle))) > count { fine = middle } else { coarse = middle }
     }
     let mut known = HashMap::new();
-    Ok(keys(size * f64::exp2(coarse))
+    Ok(connected(triangles, &keys(size * f64::exp2(coarse)))
         .into_iter()
         .map(|key| {
             let next = known.len() as u32;
@@ -59,14 +59,15 @@ fn distinct(mut keys: Vec<u64>) -> usize {
     keys.chunk_by(|a, b| a == b).count()
 }
 
-/// The mesh that each triangle belongs to: triangles of one mesh are joined by corners at exactly the same places.
-fn connected(triangles: &[[[f64; 3]; 3]]) -> Vec<u32> {
+/// The mesh that each triangle belongs to, by its first triangle: triangles of one mesh are of one key and joined by corners
+/// at exactly the same places.
+pub(crate) fn connected(triangles: &[[[f64; 3]; 3]], keys: &[u64]) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
-    let mut first: HashMap<[u64; 3], u32> = HashMap::with_capacity(triangles.len());
-    for (triangle, i) in triangles.iter().zip(0..) {
+    let mut first: HashMap<([u64; 3], u64), u32> = HashMap::with_capacity(triangles.len());
+    for ((triangle, &key), i) in triangles.iter().zip(keys).zip(0..) {
         for corner in triangle {
             // 0 and -0 are the same place.
-            let other = *first.entry(corner.map(|x| (x + 0.0).to_bits())).or_insert(i);
+            let other = *first.entry((corner.map(|x| (x + 0.0).to_bits()), key)).or_insert(i);
             let (a, b) = (root(&mut parent, i), root(&mut parent, other));
             parent[a.max(b) as usize] = a.min(b);
         }

@@ -4,6 +4,7 @@
 //! the caller's unit throughout.
 
 pub mod cells;
+pub mod contacts;
 pub mod direct;
 pub mod driver;
 mod driver_cells;

@@ -210,11 +210,6 @@ impl Links {
         &self.runs.runs[links.runs[place] as usize]
     }
 
-    /// The place from which on a leaf's runs are of sources from `first` on, tree order.
-    pub fn emitters(&self, links: &LeafLinks, first: u32) -> usize {
-        links.runs.partition_point(|&run| self.runs.runs[run as usize].points.start < first)
-    }
-
     /// Where the answer for the row-th point of a leaf and the run at a place goes: its bits.
     pub fn slot_at(&self, links: &LeafLinks, row: usize, place: usize) -> u64 {
         let parts = self.run(links, place).parts.len() as u64;

@@ -17,6 +17,8 @@ pub struct Surface {
     twins: HashMap<u32, (u32, [usize; 3])>,
     /// (K,) edge at which a node is cut, from that corner to the next; -1 for a leaf. The first T nodes are the triangles.
     edges: Vec<i8>,
+    /// (K,) where on that edge, as a share of it.
+    fractions: Vec<f64>,
     /// (K,) the halves of a node; for a leaf the patches at its front and at its back, or [`NO_PATCH`].
     parts: Vec<[u32; 2]>,
     /// (points_per_patch, 3) barycentric coordinates of the sources on a patch.
@@ -28,11 +30,13 @@ impl Surface {
     pub fn new(
         triangles: &[[[f64; 3]; 3]],
         edges: &[i8],
+        fractions: &[f64],
         parts: &[[u32; 2]],
         rule: &[[f64; 3]],
         patches: usize,
     ) -> Result<Self, Error> {
         same_length("bisection parts", edges.len(), parts.len())?;
+        same_length("bisection fractions", edges.len(), fractions.len())?;
         if edges.len() < triangles.len() {
             return Err(Error::Length { what: "bisection", expected: triangles.len(), found: edges.len() });
         }
@@ -49,7 +53,8 @@ impl Surface {
         }
         let normals = triangles.iter().map(|t| cross(sub(t[1], t[0]), sub(t[2], t[0]))).collect();
         let twins = twins(triangles);
-        Ok(Self { normals, twins, edges: edges.to_vec(), parts: parts.to_vec(), rule: rule.to_vec() })
+        let (edges, fractions) = (edges.to_vec(), fractions.to_vec());
+        Ok(Self { normals, twins, edges, fractions, parts: parts.to_vec(), rule: rule.to_vec() })
     }
 
     /// The source (scene order) that a ray meets on a triangle, -1 for none; none behind a surface that has only a front.
@@ -73,9 +78,10 @@ impl Surface {
         let mut node = triangle as usize;
         while let Ok(edge) = usize::try_from(self.edges[node]) {
             let [a, b, c] = [0, 1, 2].map(|i| weights[(edge + i) % 3]);
-            let second = b > a;
-            // With m = (a + b) / 2 the halves are (a, m, c) and (m, b, c).
-            weights = if second { [2.0 * a, b - a, c] } else { [a - b, 2.0 * b, c] };
+            let (t, rest) = (self.fractions[node], 1.0 - self.fractions[node]);
+            let second = b * rest > a * t;
+            // With m = rest a + t b the halves are (a, m, c) and (m, b, c).
+            weights = if second { [a / rest, b - a * t / rest, c] } else { [a - b * rest / t, b / t, c] };
             node = self.parts[node][usize::from(second)] as usize;
         }
         let patch = self.parts[node][usize::from(!front)];
@@ -157,7 +163,7 @@ mod tests {
             let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
             let (edges, parts, patches) = cut(depth);
             let third = [[1.0 / 3.0; 3]];
-            let surface = Surface::new(&[CORNERS], &edges, &parts, &third, patches.len()).unwrap();
+            let surface = Surface::new(&[CORNERS], &edges, &vec![0.5; edges.len()], &parts, &third, patches.len()).unwrap();
             let [a, b, c] = patches[surface.source(0, (u, v), true).unwrap() as usize];
             let x = point(CORNERS, [1.0 - u - v, u, v]);
             let area = |p: [f64; 3], q: [f64; 3], r: [f64; 3]| cross(sub(q, p), sub(r, p))[2];
@@ -170,7 +176,7 @@ mod tests {
     #[test]
     fn the_nearest_quadrature_point_stands_for_a_point_on_either_side() {
         let rule = [[2. / 3., 1. / 6., 1. / 6.], [1. / 6., 2. / 3., 1. / 6.], [1. / 6., 1. / 6., 2. / 3.]];
-        let surface = Surface::new(&[CORNERS], &[-1], &[[0, 1]], &rule, 2).unwrap();
+        let surface = Surface::new(&[CORNERS], &[-1], &[0.5], &[[0, 1]], &rule, 2).unwrap();
         assert_eq!(surface.source(0, (0.1, 0.1), true), Some(0));
         assert_eq!(surface.source(0, (0.8, 0.1), true), Some(1));
         assert_eq!(surface.source(0, (0.8, 0.1), false), Some(5));
@@ -181,7 +187,8 @@ mod tests {
         let [a, b, c] = CORNERS;
         let rule = [[2. / 3., 1. / 6., 1. / 6.], [1. / 6., 2. / 3., 1. / 6.], [1. / 6., 1. / 6., 2. / 3.]];
         let surface =
-            Surface::new(&[[a, b, c], [c, b, a]], &[-1, -1], &[[0, NO_PATCH], [1, NO_PATCH]], &rule, 2).unwrap();
+            Surface::new(&[[a, b, c], [c, b, a]], &[-1, -1], &[0.5; 2], &[[0, NO_PATCH], [1, NO_PATCH]], &rule, 2)
+                .unwrap();
         let down = [0.0, 0.0, -1.0];
         // Near corner b, from above: on the front of the first, whichever of the two is hit.
         assert_eq!(surface.met(0, (0.9, 0.05), down), Some(1));
@@ -192,7 +199,7 @@ mod tests {
     #[test]
     fn a_cycle_and_a_patch_that_is_not_there_are_refused() {
         let rule = [[1. / 3.; 3]];
-        assert!(Surface::new(&[CORNERS], &[0], &[[0, 0]], &rule, 1).is_err());
-        assert!(Surface::new(&[CORNERS], &[-1], &[[1, NO_PATCH]], &rule, 1).is_err());
+        assert!(Surface::new(&[CORNERS], &[0], &[0.5], &[[0, 0]], &rule, 1).is_err());
+        assert!(Surface::new(&[CORNERS], &[-1], &[0.5], &[[1, NO_PATCH]], &rule, 1).is_err());
     }
 }

@@ -4,7 +4,7 @@
 //! As in procedure Modify of the paper's Figure 7 valid pairs stay where they are and other pairs are postponed to the
 //! children. Unlike there a pair is valid where a shaft proves it, and not both sides are postponed to the leaves: a
 //! source box that looks small is kept, and only the receivers are told apart, down to single points, by rays: aimed at
-//! the sources ([`crate::links`]), or where those would be too many, over the hemisphere ([`crate::gather`]).
+//! the sources where these are emitters ([`crate::links`]), and over the hemisphere elsewhere ([`crate::gather`]).
 
 use crate::facing::{Facing, FacingTest};
 use crate::links::{Links, Run, Weights};
@@ -23,7 +23,7 @@ use std::sync::Arc;
 /// Whether a pair sees each other as a whole is worth no test where it decides about fewer rays.
 const FEW_RAYS: f64 = 500.0;
 
-/// Runs of emitters of a leaf from which on not all are asked at first, and which share of them is.
+/// Runs of a leaf from which on not all are asked at first, and which share of them is.
 const MANY_RUNS: usize = 32;
 const STRIDE: u64 = 4;
 
@@ -38,8 +38,6 @@ pub struct VisibilityOptions {
     pub run_angle: f64,
     /// Size over distance of what counts as one source.
     pub part_angle: f64,
-    /// A leaf's pairs get rays of their own, one a run, where these are at most so many for each point.
-    pub aimed: usize,
     /// Rays over the hemisphere of a point, where all of it is open.
     pub density: usize,
 }
@@ -126,22 +124,14 @@ pub struct Visibility {
     pub(crate) partial: Vec<(u32, u32)>,
     /// Those that get rays of their own.
     pub(crate) linked: Vec<Linked>,
-    /// Whether some of these are aimed at sources that are no emitters.
-    pub aims: bool,
     pub outcomes: Outcomes,
 }
 
 impl Visibility {
     /// Procedure Generate of the paper's Figure 7, from the roots on.
     pub fn generate(view: &View, options: VisibilityOptions) -> Self {
-        let mut all = Self {
-            options,
-            valid: Vec::new(),
-            partial: Vec::new(),
-            linked: Vec::new(),
-            aims: false,
-            outcomes: Outcomes::default(),
-        };
+        let mut all =
+            Self { options, valid: Vec::new(), partial: Vec::new(), linked: Vec::new(), outcomes: Outcomes::default() };
         let roots =
             |t: usize| view.sources.roots().map(move |s| Pending { target: t as u32, source: s as u32, kept: false });
         let mut pending: Vec<Pending> = view.targets.roots().flat_map(roots).collect();
@@ -200,18 +190,17 @@ impl Visibility {
     }
 
     /// Rays that fill the bits of some leaves' links, whose slots they have. They come in two rounds: where a leaf has many
-    /// runs of emitters, the first asks a few of them, and the second the others for points that saw some of these only.
+    /// runs, the first asks a few of them, and the second the others for points that saw some of these only.
     pub fn link_rays(&self, view: &View, links: &Links, leaves: Range<usize>, second: bool) -> Rays {
         let mut rays = Rays::default();
         for leaf in &links.leaves[leaves] {
-            let emitters = links.emitters(leaf, view.first_emitter());
-            let stride = if leaf.runs.len() - emitters < MANY_RUNS { 1 } else { STRIDE };
+            let stride = if leaf.runs.len() < MANY_RUNS { 1 } else { STRIDE };
             if second && stride == 1 {
                 continue;
             }
             for (row, i) in view.targets.points_of(leaf.leaf as usize).enumerate() {
                 let turn = hash(i as u64);
-                let first = |place: &usize| *place < emitters || (*place as u64 ^ turn).is_multiple_of(stride);
+                let first = |place: &usize| (*place as u64 ^ turn).is_multiple_of(stride);
                 let draw = |place: usize| view.draw(links, links.run(leaf, place), i, turn);
                 let mut ask = |place: usize| {
                     let slot = links.slot_at(leaf, row, place);
@@ -223,10 +212,10 @@ impl Visibility {
                     (0..leaf.runs.len()).filter(first).for_each(ask);
                     continue;
                 }
-                let known = (emitters..leaf.runs.len()).filter(first).filter(|&place| view.face(i, draw(place)));
+                let known = (0..leaf.runs.len()).filter(first).filter(|&place| view.face(i, draw(place)));
                 let mut seen = known.map(|place| links.is_seen(leaf, row, place));
                 let one = seen.next();
-                let rest = (emitters..leaf.runs.len()).filter(|place| !first(place));
+                let rest = (0..leaf.runs.len()).filter(|place| !first(place));
                 if one.is_none_or(|one| seen.any(|other| other != one)) {
                     rest.for_each(&mut ask);
                 } else if one == Some(false) {
@@ -296,12 +285,6 @@ impl View {
                 None => self.postpone(t, s, pairs),
             }
         }
-    }
-
-    /// The first source in tree order that emits: emitters are in boxes of their own, after all others.
-    fn first_emitter(&self) -> u32 {
-        let emitting = self.sources.roots().find(|&s| self.emits(s));
-        emitting.map_or(self.sources.n_points() as u32, |s| self.sources.points[s][0])
     }
 
     /// The source of a run that a point is asked to see, drawn by what it gets from there.

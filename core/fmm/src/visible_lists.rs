@@ -38,42 +38,23 @@ impl Visibility {
         Links::new(&view.targets, links, runs)
     }
 
-    /// Tells the pairs that are seen in part apart: those that get rays of their own, emitters always and others where
-    /// most leaves have few, are kept for [`Visibility::link`]; the rest are left to rays over the hemispheres, and to be
-    /// gathered. `areas` (N,) of the sources in tree order. To be called before [`Visibility::list`].
+    /// Tells the pairs that are seen in part apart: those with emitters get rays of their own and are kept for
+    /// [`Visibility::link`]; the rest are left to rays over the hemispheres, and to be gathered. `areas` (N,) of the sources
+    /// in tree order. To be called before [`Visibility::list`].
     pub fn gather(&mut self, view: &View, areas: Vec<f64>) -> Gather {
         let partial = std::mem::take(&mut self.partial);
         let below =
             |&(t, s): &(u32, u32)| leaves_below(&view.targets, t as usize).into_iter().map(move |t| (t as u32, s));
         let mut pairs: Vec<(u32, u32)> = partial.par_iter().flat_map_iter(below).collect();
         pairs.par_sort_unstable();
-        let leaves: Vec<&[(u32, u32)]> = pairs.chunk_by(|a, b| a.0 == b.0).collect();
-        let emits = |linked: &Linked| view.emits(linked.0.1 as usize);
+        let (emitters, open): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|pair| view.emits(pair.1 as usize));
+        let leaves: Vec<&[(u32, u32)]> = emitters.chunk_by(|a, b| a.0 == b.0).collect();
         let cuts_of = |leaf: &&[(u32, u32)]| -> Vec<Linked> {
             // Emitters seldom shine all at once: a leaf that sees many of them gives each one less.
-            let emitters = leaf.iter().filter(|pair| view.emits(pair.1 as usize));
-            let total: f64 = emitters.map(|&(t, s)| view.share(t as usize, s as usize)).sum();
-            let scale = |pair: &(u32, u32)| if view.emits(pair.1 as usize) { 1.0 / total.max(1.0) } else { 1.0 };
-            leaf.iter().map(|&pair| (pair, self.cut(view, pair, scale(&pair)))).collect()
+            let total: f64 = leaf.iter().map(|&(t, s)| view.share(t as usize, s as usize)).sum();
+            leaf.iter().map(|&pair| (pair, self.cut(view, pair, 1.0 / total.max(1.0)))).collect()
         };
-        let cuts: Vec<Vec<Linked>> = leaves.par_iter().map(cuts_of).collect();
-        let has_few = |leaf: &Vec<Linked>| {
-            let runs = leaf.iter().filter(|linked| !emits(linked)).map(|(_, cut)| cut.0 as usize);
-            runs.sum::<usize>() <= self.options.aimed
-        };
-        let few: Vec<bool> = cuts.par_iter().map(has_few).collect();
-        self.aims = 2 * few.iter().filter(|few| **few).count() > few.len();
-        let mut open = Vec::new();
-        for (leaf, few) in cuts.into_iter().zip(few) {
-            for linked in leaf {
-                let (t, s) = (linked.0.0 as usize, linked.0.1 as usize);
-                if emits(&linked) || (few && self.aims && !view.is_coarse(t, s)) {
-                    self.linked.push(linked);
-                } else {
-                    open.push(linked.0);
-                }
-            }
-        }
+        self.linked = leaves.par_iter().flat_map_iter(cuts_of).collect();
         let (mut valid, mut linked) =
             (vec![Vec::new(); view.targets.n_boxes()], vec![Vec::new(); view.targets.n_boxes()]);
         self.valid.iter().for_each(|pair| valid[pair.target as usize].push(pair.source));

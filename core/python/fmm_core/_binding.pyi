@@ -71,9 +71,8 @@ class Fmm:
         self,
         sources: list[NDArray[np.float64]],
         frame: tuple[tuple[float, float, float], float, float],
-        effort: tuple[float, float, float, float, int, int],
-    ) -> bool: ...
-    def link(self, weights: NDArray[np.float64]) -> None: ...
+        effort: tuple[float, float, float, float, int],
+    ) -> None: ...
     def near_field(
         self,
         points: NDArray[np.float64],
@@ -117,6 +116,7 @@ class Surface:
         self,
         scene: NDArray[np.float64],
         edges: NDArray[np.int8],
+        fractions: NDArray[np.float64],
         parts: NDArray[np.uint32],
         rule: NDArray[np.float64],
         patches: int,
@@ -130,6 +130,9 @@ class Surface:
     ) -> NDArray[np.int64]: ...
 
 def group(scene: NDArray[np.float64], kinds: NDArray[np.uint32], count: int) -> NDArray[np.uint32]: ...
+def contacts(
+    scene: NDArray[np.float64],
+) -> tuple[NDArray[np.int8], NDArray[np.float64], NDArray[np.uint32], NDArray[np.bool_]]: ...
 def error_bound(truncation: int, strength: float, source_radius: float, receiver_distance: float) -> float: ...
 def tree_order(points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.uint32]: ...
 def facing_rays(

@@ -43,7 +43,6 @@ class MultipoleSpace:
         self.pairs = (0, 0, 0)
         self.occlusion_seconds, self.open = 0.0, True
         self._gathered: tuple[Points, Points, Operator] | None = None
-        self._openness: Points | None = None
 
     def exchange(self, tick: Tick = silent) -> Operator:
         tick(0.0)
@@ -98,23 +97,19 @@ class MultipoleSpace:
             return False
         tick(0.2)
         weights, radii = particles.visibility_weights, particles.of_points(particles.radii)
-        sources = particles.weights, weights, self.sums.reach, self.sums.coarse, radii
         effort = self._effort(exchange)
-        if occlusion.occlude(fmm, sources, effort):
-            if self._openness is None:
-                self._openness = occlusion.openness(particles.positions, particles.normals, weights)
-            weights = weights * self._openness
-        occlusion.trace(fmm, weights, self.sums.surface, points, effort[-1], tick)
+        occlusion.occlude(fmm, (particles.weights, weights, self.sums.reach, self.sums.coarse, radii), effort)
+        occlusion.trace(fmm, self.sums.surface, points, effort[-1], tick)
         return True
 
-    def _effort(self, exchange: bool) -> tuple[float, float, float, float, int, int]:
+    def _effort(self, exchange: bool) -> tuple[float, float, float, float, int]:
         """Effort for visibility, as `VisibilityOptions` of the core has it."""
         rays = self._settings.rays
         if exchange:
             # What single particles get wrong averages out in what they send.
             rays = max(10.0, rays / EXCHANGE_SHARE * min(1.0, MANY / len(self.sums.particles)) ** 0.5)
         runs = min(1.0, (200 / rays) ** 0.5)
-        return 0.8 / rays, 0.4, 0.8 * runs, 0.1 * runs, 0 if exchange else round(2 * rays), round(2 * rays)
+        return 0.8 / rays, 0.4, 0.8 * runs, 0.1 * runs, round(2 * rays)
 
 
 def _same(gathered: tuple[Points, Points, Operator], points: Points, normals: Points) -> bool:

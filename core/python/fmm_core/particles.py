@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,7 @@ class Particles:
     whole (P,) whether the patch is all that its points stand for: where a mesh is finer than the light needs, a
     patch is one triangle of a group of them, and areas and radii are those of the group
     rule (per_patch, 3) barycentric coordinates of the points of a patch
-    edges (K,), parts (K, 2) the bisection of the scene's triangles, as the core's `Surface` takes it
+    edges (K,), fractions (K,), parts (K, 2) the bisection of the scene's triangles, as the core's `Surface` takes it
     solid (T,) area of what is there of each triangle of the scene
     """
 
@@ -55,6 +56,7 @@ class Particles:
     whole: NDArray[np.bool_]
     rule: NDArray[np.float64]
     edges: NDArray[np.int8]
+    fractions: NDArray[np.float64]
     parts: NDArray[np.uint32]
     solid: NDArray[np.float64]
 
@@ -113,9 +115,10 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
     """
     barycentric, shares = triangle_rule(degree)
     wanted = count / len(shares)
-    cut, emits = _cut(scene, _edge_limits(scene, wanted)), strong_emitters(scene)
+    contacts, emits = Contacts(*_binding.contacts(scene.triangles)), strong_emitters(scene)
+    cut = _cut(scene, _edge_limits(scene, wanted), contacts)
     if buried is not None and len(cut.patches) > 2 * wanted:
-        cut = _grouped(scene, cut, emits, wanted, buried)
+        cut = _grouped(scene, cut, emits | contacts.touched, wanted, buried)
     front, triangle = cut.patches, cut.triangle
     back = np.flatnonzero(scene.two_sided[triangle])
     patches = np.concatenate([front, front[back][:, [0, 2, 1]]])
@@ -137,6 +140,7 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
         whole=whole,
         rule=barycentric,
         edges=cut.edges,
+        fractions=cut.fractions,
         parts=_with_backs(cut, back),
         solid=_solid(scene),
     )
@@ -175,6 +179,18 @@ def _solid(scene: Scene) -> NDArray[np.float64]:
     return areas if scene.opacity is None else areas * scene.opacity.mean
 
 
+class Contacts(NamedTuple):
+    """Bisections of triangles along the lines where other meshes meet them, the first T nodes being the triangles.
+
+    edges (K,), fractions (K,), parts (K, 2) as in `Particles`; touched (T,) whether another mesh touches at all
+    """
+
+    edges: NDArray[np.int8]
+    fractions: NDArray[np.float64]
+    parts: NDArray[np.uint32]
+    touched: NDArray[np.bool_]
+
+
 @dataclass(frozen=True)
 class _Cut:
     """Patches (P, 3, 3) of the front sides, the triangle of each (P,), and the rest as in `Particles`."""
@@ -186,6 +202,7 @@ class _Cut:
     radii: NDArray[np.float64]
     whole: NDArray[np.bool_]
     edges: NDArray[np.int8]
+    fractions: NDArray[np.float64]
     parts: NDArray[np.uint32]
 
 
@@ -209,10 +226,10 @@ def _with_backs(cut: _Cut, back: NDArray[np.int64]) -> NDArray[np.uint32]:
     return parts
 
 
-def _grouped(scene: Scene, cut: _Cut, emits: NDArray[np.bool_], wanted: float, buried: Buried) -> _Cut:
-    """The same with one patch for each group of uncut triangles that do not stand out as emitters."""
+def _grouped(scene: Scene, cut: _Cut, single: NDArray[np.bool_], wanted: float, buried: Buried) -> _Cut:
+    """The same with one patch for each group of uncut triangles, but for those (T,) that have to stay single."""
     count = len(scene.triangles)
-    fine = np.flatnonzero((cut.edges[:count] < 0) & ~emits)
+    fine = np.flatnonzero((cut.edges[:count] < 0) & ~single)
     if len(fine) == 0:
         return cut
     area = _areas(scene.triangles[fine])
@@ -249,6 +266,7 @@ def _grouped(scene: Scene, cut: _Cut, emits: NDArray[np.bool_], wanted: float, b
         radii=np.concatenate([cut.radii[kept], radii]),
         whole=np.concatenate([cut.whole[kept], members == 1]),
         edges=cut.edges,
+        fractions=cut.fractions,
         parts=parts,
     )
 
@@ -262,25 +280,27 @@ def _edge_limits(scene: Scene, patch_count: float) -> NDArray[np.float64]:
     return np.sqrt(4 * 1.5 * areas / (share * patch_count))
 
 
-def _cut(scene: Scene, limits: NDArray[np.float64]) -> _Cut:
-    """Bisects longest edges until each patch fits."""
+def _cut(scene: Scene, limits: NDArray[np.float64], contacts: Contacts) -> _Cut:
+    """Cuts triangles where they are met by others, then bisects longest edges until each patch fits."""
     todo, owner = scene.triangles, np.arange(len(scene.triangles))
-    patches, owners, edges_of_nodes, parts = [], [], [], []
+    # Where each one stands in the bisection by contacts, below which -1 is.
+    contact = owner
+    patches, owners, edges_of_nodes, fractions, parts = [], [], [], [], []
     nodes = patch_count = 0
     while len(todo):
-        edges = np.roll(todo, -1, axis=1) - todo
-        squared = (edges**2).sum(axis=2)
-        largest = squared.max(axis=1)
-        longest = (squared > (1 - ROUNDING) * largest[:, None]).argmax(axis=1)
-        limit = limits[owner]
-        areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
-        large = (largest > (1 + ROUNDING) * limit**2) & (areas > limit**2 / SLIVER)
+        met = (contact >= 0) & (contacts.edges[contact] >= 0)
+        edge = np.where(met, contacts.edges[contact], _edge_to_cut(todo, limits[owner]))
+        fraction = np.where(met, contacts.fractions[contact], 0.5)
+        large = edge >= 0
         patches.append(todo[~large])
         owners.append(owner[~large])
-        edges_of_nodes.append(np.where(large, longest, -1).astype(np.int8))
+        edges_of_nodes.append(edge.astype(np.int8))
+        fractions.append(fraction)
         parts.append(_numbered(large, nodes + len(todo), patch_count))
         nodes, patch_count = nodes + len(todo), patch_count + len(patches[-1])
-        todo, owner = _bisect(todo[large], longest[large]), np.tile(owner[large], 2)
+        below = np.where(met[:, None], contacts.parts[contact].astype(np.int64), -1)
+        contact = below[large].T.ravel()
+        todo, owner = _bisect(todo[large], edge[large], fraction[large]), np.tile(owner[large], 2)
     patches = np.concatenate(patches)
     centroids = patches.mean(axis=1, keepdims=True)
     triangle, areas = np.concatenate(owners), _areas(patches)
@@ -292,8 +312,20 @@ def _cut(scene: Scene, limits: NDArray[np.float64]) -> _Cut:
         radii=np.linalg.norm(patches - centroids, axis=2).max(axis=1),
         whole=np.ones(len(patches), bool),
         edges=np.concatenate(edges_of_nodes),
+        fractions=np.concatenate(fractions),
         parts=np.concatenate(parts),
     )
+
+
+def _edge_to_cut(triangles: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(T,) the longest edge of each triangle that is too large, -1 for one whose edges fit their limit (T,)."""
+    edges = np.roll(triangles, -1, axis=1) - triangles
+    squared = (edges**2).sum(axis=2)
+    largest = squared.max(axis=1)
+    longest = (squared > (1 - ROUNDING) * largest[:, None]).argmax(axis=1)
+    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+    large = (largest > (1 + ROUNDING) * limits**2) & (areas > limits**2 / SLIVER)
+    return np.where(large, longest, -1)
 
 
 def _numbered(large: NDArray[np.bool_], nodes: int, patches: int) -> NDArray[np.uint32]:
@@ -305,9 +337,11 @@ def _numbered(large: NDArray[np.bool_], nodes: int, patches: int) -> NDArray[np.
     return parts
 
 
-def _bisect(triangles: NDArray[np.float64], edge: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Both halves (2T, 3, 3) of each triangle, cut at the middle of the given edge."""
+def _bisect(
+    triangles: NDArray[np.float64], edge: NDArray[np.int64], fraction: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Both halves (2T, 3, 3) of each triangle, cut at the given share of the given edge."""
     rows = np.arange(len(triangles))
     a, b, c = (triangles[rows, (edge + i) % 3] for i in range(3))
-    middle = (a + b) / 2
+    middle = a + fraction[:, None] * (b - a)
     return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])

@@ -31,8 +31,6 @@ finally:
 OFFSET = 2e-6
 #: Receivers and sources are taken in blocks of about this many pairs: small enough that all cores end together.
 BLOCK_PAIRS = 1 << 16
-#: Rays that tell how open a point is, before those that miss its front are left out.
-OPENNESS_RAYS = 48
 #: Rays that tell whether a point is inside an object.
 BURIED_RAYS = 5
 #: Rays that are traced together, where there are enough of them for all cores.
@@ -123,48 +121,31 @@ class Occlusion:
 
     def surface(self, particles: Particles) -> _binding.Surface:
         """The triangles, with what tells which particle stands for a point on them."""
-        parts = particles.edges, particles.parts, particles.rule
+        parts = particles.edges, particles.fractions, particles.parts, particles.rule
         return _binding.Surface(self.triangles, *parts, len(particles.patches))
-
-    def openness(
-        self, points: NDArray[np.float64], normals: NDArray[np.float64], weights: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """(N,) about which share of the others that face it each point sees, from rays to a few random ones."""
-        rng = np.random.default_rng(0)
-        others = np.searchsorted(np.cumsum(weights) / weights.sum(), rng.random((OPENNESS_RAYS, len(points))))
-        rows = np.tile(np.arange(len(points)), OPENNESS_RAYS)
-        others = np.minimum(others.ravel(), len(points) - 1)
-        between = points[others] - points[rows]
-        facing = ((between * normals[rows]).sum(axis=1) > 0) & ((between * normals[others]).sum(axis=1) < 0)
-        rows, others = rows[facing], others[facing]
-        seen = self.visible_targets(points[rows], normals[rows], points[others], normals[others])
-        asked = np.bincount(rows, minlength=len(points))
-        return (1 + np.bincount(rows, seen, minlength=len(points))) / (1 + asked)
 
     def occlude(
         self,
         fmm: _binding.Fmm,
         sources: tuple[NDArray[np.float64], ...],
-        effort: tuple[float, float, float, float, int, int],
-    ) -> bool:
+        effort: tuple[float, float, float, float, int],
+    ) -> None:
         """Makes the visible lists of a fast multipole sum among the triangles (section 5 of the paper).
 
         sources: areas, weights, reach, coarse and radii (N,) as `Occluded` of the core has them; effort as its
-        `VisibilityOptions`. Whether the weights that `trace` takes should say how open each source is.
+        `VisibilityOptions`.
         """
-        return fmm.occlude(list(sources), (tuple(self._centre), self._scale, OFFSET), effort)
+        fmm.occlude(list(sources), (tuple(self._centre), self._scale, OFFSET), effort)
 
     def trace(
         self,
         fmm: _binding.Fmm,
-        weights: NDArray[np.float64],
         surface: _binding.Surface,
         points: int,
         rays: int,
         tick: Tick = silent,
     ) -> None:
         """Traces the rays that a sum wants after `occlude`: for so many receivers up to about so many each."""
-        fmm.link(weights)
 
         def link(leaves: slice) -> int:
             count = 0

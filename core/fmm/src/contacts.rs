@@ -1,0 +1,327 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Where another mesh stands on a triangle or goes through it, the light changes from one side to the other: the triangle
+//! is cut along that line, so that no part of it stands for both sides.
+
+use crate::groups::connected;
+use crate::vector::{add, cross, dot, high, low, norm, scale, sub};
+use rayon::prelude::*;
+use rstar::primitives::{GeomWithData, Rectangle};
+use rstar::{AABB, RTree};
+
+/// Distances below this share of the scene and of the triangle are rounding.
+const ROUNDING: [f64; 2] = [1e-6, 1e-5];
+/// Normals whose cross product is shorter lie in one plane, which cuts nothing.
+const PARALLEL: f64 = 1e-3;
+/// A triangle with more lines on it lies in a thicket, whose light is even: it is left whole.
+const MOST_LINES: usize = 1000;
+
+type Vector = [f64; 3];
+type Point = [f64; 2];
+
+/// Bisections of triangles, as [`crate::surface::Surface`] has them: the first T nodes are the triangles.
+#[derive(Debug, Default, PartialEq)]
+pub struct Contacts {
+    /// (K,) edge at which a node is cut, -1 for a leaf.
+    pub edges: Vec<i8>,
+    /// (K,) where on that edge, as a share of it.
+    pub fractions: Vec<f64>,
+    /// (K, 2) the halves of a node, 0 for a leaf.
+    pub parts: Vec<[u32; 2]>,
+    /// (T,) whether another mesh touches the triangle, be it at its rim.
+    pub touched: Vec<bool>,
+}
+
+/// Cuts each triangle where other meshes meet it; meshes are what is joined by corners at the same places.
+pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
+    let meshes = connected(triangles, &vec![0; triangles.len()]);
+    let corners = || triangles.iter().flatten().copied();
+    let (least, most) = (corners().fold([f64::INFINITY; 3], low), corners().fold([f64::NEG_INFINITY; 3], high));
+    let size = sub(most, least).into_iter().fold(0.0, f64::max);
+    let boxed = |(t, i): (&[Vector; 3], u32)| GeomWithData::new(Rectangle::from_aabb(AABB::from_points(t)), i);
+    let tree = RTree::bulk_load(triangles.iter().zip(0..).map(boxed).collect());
+    let cut = |i: usize| {
+        let plane = Plane::new(&triangles[i])?;
+        let slack = ROUNDING[0] * size + ROUNDING[1] * plane.longest();
+        let envelope = AABB::from_corners(
+            triangles[i].into_iter().reduce(low)?.map(|x| x - slack),
+            triangles[i].into_iter().reduce(high)?.map(|x| x + slack),
+        );
+        let others = tree.locate_in_envelope_intersecting(&envelope).map(|other| other.data as usize);
+        let lines: Vec<[Point; 2]> = others
+            .filter(|&other| meshes[other] != meshes[i])
+            .filter_map(|other| plane.line(&triangles[other], slack))
+            .filter(|&line| clip(line, &plane.corners, -slack).is_some())
+            .collect();
+        (!lines.is_empty())
+            .then(|| if lines.len() > MOST_LINES { Cuts::default() } else { Cuts::along(&lines, &plane, slack) })
+    };
+    collect((0..triangles.len()).into_par_iter().map(cut).collect())
+}
+
+/// The trees of single triangles as one.
+fn collect(cuts: Vec<Option<Cuts>>) -> Contacts {
+    let count = cuts.len();
+    let mut all = Contacts {
+        edges: vec![-1; count],
+        fractions: vec![0.5; count],
+        parts: vec![[0; 2]; count],
+        touched: cuts.iter().map(Option::is_some).collect(),
+    };
+    for (i, cut) in cuts.iter().enumerate() {
+        let Some(Cuts { nodes }) = cut else { continue };
+        // Node 0 is the triangle itself, the others follow all triangles.
+        let first = all.edges.len() as u32;
+        for (j, node) in nodes.iter().enumerate() {
+            let parts = node.parts.map(|part| if part == 0 { 0 } else { first + part - 1 });
+            if j == 0 {
+                (all.edges[i], all.fractions[i], all.parts[i]) = (node.edge, node.fraction, parts);
+            } else {
+                all.edges.push(node.edge);
+                all.fractions.push(node.fraction);
+                all.parts.push(parts);
+            }
+        }
+    }
+    all
+}
+
+/// A triangle in its own plane: corners counter-clockwise in the coordinates of two axes from the first corner.
+struct Plane {
+    origin: Vector,
+    axes: [Vector; 3],
+    corners: [Point; 3],
+}
+
+impl Plane {
+    fn new(&[a, b, c]: &[Vector; 3]) -> Option<Self> {
+        let (along, normal) = (sub(b, a), cross(sub(b, a), sub(c, a)));
+        let (length, area) = (norm(along), norm(normal));
+        if !(length > 0.0 && area > 0.0) {
+            return None;
+        }
+        let (x, z) = (scale(along, 1.0 / length), scale(normal, 1.0 / area));
+        let axes = [x, cross(z, x), z];
+        let corners = [a, b, c].map(|p| [dot(sub(p, a), axes[0]), dot(sub(p, a), axes[1])]);
+        Some(Self { origin: a, axes, corners })
+    }
+
+    fn longest(&self) -> f64 {
+        let [a, b, c] = self.corners;
+        distance(a, b).max(distance(b, c)).max(distance(c, a))
+    }
+
+    /// Where another triangle meets this plane, if that is a line.
+    fn line(&self, other: &[Vector; 3], slack: f64) -> Option<[Point; 2]> {
+        let local = other.map(|p| sub(p, self.origin));
+        let mut heights = local.map(|p| dot(p, self.axes[2]));
+        if heights.iter().all(|&h| h > slack) || heights.iter().all(|&h| h < -slack) {
+            return None;
+        }
+        let normal = cross(sub(other[1], other[0]), sub(other[2], other[0]));
+        if norm(cross(normal, self.axes[2])) < PARALLEL * norm(normal) {
+            return None;
+        }
+        for height in heights.iter_mut().filter(|h| h.abs() <= slack) {
+            *height = 0.0;
+        }
+        let mut ends = Vec::with_capacity(3);
+        for i in 0..3 {
+            let j = (i + 1) % 3;
+            if heights[i] == 0.0 {
+                ends.push(local[i]);
+            } else if heights[i] * heights[j] < 0.0 {
+                let t = heights[i] / (heights[i] - heights[j]);
+                ends.push(add(scale(local[i], 1.0 - t), scale(local[j], t)));
+            }
+        }
+        let mut flat = ends.into_iter().map(|p| [dot(p, self.axes[0]), dot(p, self.axes[1])]);
+        let line = [flat.next()?, flat.next()?];
+        (distance(line[0], line[1]) > slack).then_some(line)
+    }
+}
+
+fn distance(p: Point, q: Point) -> f64 {
+    (p[0] - q[0]).hypot(p[1] - q[1])
+}
+
+/// How far a point is to the left of the line through two others.
+fn left_of([p, q]: [Point; 2], x: Point) -> f64 {
+    ((q[0] - p[0]) * (x[1] - p[1]) - (q[1] - p[1]) * (x[0] - p[0])) / distance(p, q)
+}
+
+fn between(p: Point, q: Point, t: f64) -> Point {
+    [0, 1].map(|i| p[i] + t * (q[i] - p[i]))
+}
+
+/// What of a line lies more than `depth` inside a counter-clockwise triangle.
+fn clip(line: [Point; 2], corners: &[Point; 3], depth: f64) -> Option<[Point; 2]> {
+    let (mut start, mut end) = (0.0f64, 1.0f64);
+    for i in 0..3 {
+        let edge = [corners[i], corners[(i + 1) % 3]];
+        if distance(edge[0], edge[1]) == 0.0 {
+            return None;
+        }
+        let [p, q] = line.map(|x| left_of(edge, x) - depth);
+        match (p >= 0.0, q >= 0.0) {
+            (true, true) => {}
+            (false, false) => return None,
+            (false, true) => start = start.max(p / (p - q)),
+            (true, false) => end = end.min(p / (p - q)),
+        }
+    }
+    let part = [between(line[0], line[1], start), between(line[0], line[1], end)];
+    (start < end && distance(part[0], part[1]) > depth.abs()).then_some(part)
+}
+
+/// The tree of one triangle; children are later in the list than their parent.
+#[derive(Default)]
+struct Cuts {
+    nodes: Vec<Node>,
+}
+
+struct Node {
+    corners: [Point; 3],
+    edge: i8,
+    fraction: f64,
+    /// 0 for none.
+    parts: [u32; 2],
+}
+
+impl Cuts {
+    fn along(lines: &[[Point; 2]], plane: &Plane, slack: f64) -> Self {
+        let mut cuts = Self::default();
+        cuts.add(plane.corners);
+        for &line in lines {
+            let mut open = vec![0];
+            while let Some(n) = open.pop() {
+                let node = &cuts.nodes[n];
+                if clip(line, &node.corners, slack).is_none() {
+                    continue;
+                }
+                match node.edge {
+                    -1 => cuts.split(n, line, slack),
+                    _ => open.extend(node.parts.map(|part| part as usize)),
+                }
+            }
+        }
+        cuts
+    }
+
+    fn add(&mut self, corners: [Point; 3]) -> u32 {
+        self.nodes.push(Node { corners, edge: -1, fraction: 0.5, parts: [0; 2] });
+        self.nodes.len() as u32 - 1
+    }
+
+    /// Cuts a leaf along a line that goes through its inside, into two parts or three.
+    fn split(&mut self, n: usize, line: [Point; 2], slack: f64) {
+        let corners = self.nodes[n].corners;
+        let sides = corners.map(|x| left_of(line, x)).map(|side| if side.abs() <= slack { 0.0 } else { side });
+        // From a corner on the line, or else from the one that is alone on its side.
+        let first = (0..3).find(|&i| sides[i] == 0.0);
+        let alone = (0..3).find(|&i| sides[i] * sides[(i + 1) % 3] < 0.0 && sides[i] * sides[(i + 2) % 3] < 0.0);
+        if let Some(i) = first {
+            let (b, c) = ((i + 1) % 3, (i + 2) % 3);
+            if sides[b] * sides[c] < 0.0 {
+                self.bisect(n, b, sides[b] / (sides[b] - sides[c]));
+            }
+        } else if let Some(i) = alone {
+            let (b, c) = ((i + 1) % 3, (i + 2) % 3);
+            let half = self.bisect(n, i, sides[i] / (sides[i] - sides[b]));
+            // The half is (a, m, c), to be cut on the way from c to a.
+            self.bisect(half, 2, sides[c] / (sides[c] - sides[i]));
+        }
+    }
+
+    /// Cuts a leaf from a place on the edge that starts at a corner to the opposite corner; returns the first half.
+    fn bisect(&mut self, n: usize, edge: usize, fraction: f64) -> usize {
+        let [a, b, c] = [0, 1, 2].map(|i| self.nodes[n].corners[(edge + i) % 3]);
+        let m = between(a, b, fraction);
+        let parts = [self.add([a, m, c]), self.add([m, b, c])];
+        let node = &mut self.nodes[n];
+        (node.edge, node.fraction, node.parts) = (edge as i8, fraction, parts);
+        parts[0] as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const FLOOR: [Vector; 3] = [[0., 0., 0.], [4., 0., 0.], [0., 4., 0.]];
+
+    fn leaves(contacts: &Contacts, triangle: usize, corners: [Vector; 3]) -> Vec<[Vector; 3]> {
+        let Ok(edge) = usize::try_from(contacts.edges[triangle]) else { return vec![corners] };
+        let [a, b, c] = [0, 1, 2].map(|i| corners[(edge + i) % 3]);
+        let m = add(a, scale(sub(b, a), contacts.fractions[triangle]));
+        let [first, second] = contacts.parts[triangle];
+        let mut found = leaves(contacts, first as usize, [a, m, c]);
+        found.extend(leaves(contacts, second as usize, [m, b, c]));
+        found
+    }
+
+    fn area([a, b, c]: [Vector; 3]) -> f64 {
+        0.5 * norm(cross(sub(b, a), sub(c, a)))
+    }
+
+    #[test]
+    fn a_wall_on_a_floor_cuts_it() {
+        let wall = [[1., -1., 0.], [1., 9., 0.], [1., 2., 3.]];
+        let contacts = contacts(&[FLOOR, wall]);
+        assert_eq!(contacts.touched, [true, true]);
+        let parts = leaves(&contacts, 0, FLOOR);
+        assert_eq!(parts.len(), 3);
+        for part in parts {
+            assert!(part.iter().all(|p| p[0] <= 1.0 + 1e-9) || part.iter().all(|p| p[0] >= 1.0 - 1e-9), "{part:?}");
+        }
+        assert_eq!(contacts.edges[1], -1, "the floor meets the wall at its rim only");
+    }
+
+    #[test]
+    fn what_touches_at_a_rim_or_not_at_all_cuts_nothing() {
+        let at_the_rim = [[0., 0., 0.], [4., 0., 0.], [2., 0., 3.]].map(|p| add(p, [1e-9, 0.0, 0.0]));
+        let above = [[1., -1., 0.1], [1., 9., 0.1], [1., 2., 3.]];
+        let at_a_point = [[1., 1., 0.], [1., 2., 3.], [1., 1., 3.]];
+        for other in [at_the_rim, above, at_a_point] {
+            assert_eq!(contacts(&[FLOOR, other]).edges, [-1, -1]);
+        }
+        assert_eq!(contacts(&[FLOOR, at_the_rim]).touched, [true, true]);
+        assert_eq!(contacts(&[FLOOR, above]).touched, [false, false]);
+    }
+
+    #[test]
+    fn neighbours_in_one_mesh_do_not_touch() {
+        let folded = [[0., 0., 0.], [4., 0., 0.], [2., 0., 3.]];
+        assert_eq!(contacts(&[FLOOR, folded]).touched, [false, false]);
+    }
+
+    #[test]
+    fn degenerate_triangles_do_no_harm() {
+        let point = [[1.0; 3]; 3];
+        let needle = [[1., 1., -1.], [1., 1., 1.], [1., 1., 0.]];
+        assert_eq!(contacts(&[FLOOR, point, needle]).edges, [-1; 3]);
+        assert_eq!(contacts(&[]), Contacts::default());
+    }
+
+    proptest! {
+        #[test]
+        fn parts_make_up_the_triangle_and_no_line_is_inside_one(
+            walls in proptest::collection::vec([-1.0..5.0f64, -1.0..5.0, -1.0..5.0, -1.0..5.0], 1..8)
+        ) {
+            let mut triangles = vec![FLOOR];
+            triangles.extend(walls.iter().map(|&[a, b, c, d]| [[a, b, -1.0], [c, d, -1.0], [(a + c) / 2.0, (b + d) / 2.0, 1.0]]));
+            let contacts = contacts(&triangles);
+            let parts = leaves(&contacts, 0, FLOOR);
+            let sum: f64 = parts.iter().map(|&part| area(part)).sum();
+            prop_assert!((sum - 8.0).abs() < 1e-9);
+            for part in parts {
+                prop_assert!(cross(sub(part[1], part[0]), sub(part[2], part[0]))[2] >= -1e-9);
+                for &[a, b, c, d] in &walls {
+                    let (p, q) = ([(3.0 * a + c) / 4.0, (3.0 * b + d) / 4.0], [(3.0 * c + a) / 4.0, (3.0 * d + b) / 4.0]);
+                    let flat = part.map(|corner| [corner[0], corner[1]]);
+                    prop_assert!(area(part) < 1e-4 || clip([p, q], &flat, 1e-3).is_none(), "{part:?} {p:?} {q:?}");
+                }
+            }
+        }
+    }
+}
