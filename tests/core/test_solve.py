@@ -219,6 +219,31 @@ def test_dim_colours_and_dim_rooms_converge_like_bright_ones():
     assert dim == pytest.approx(10.0, rel=5e-3)
 
 
+def test_light_that_spreads_over_more_and_more_particles_converges():
+    """A plate close above a floor: what its few particles send lights ever more of those of the floor."""
+
+    def square(low, high, height, cells, up):
+        steps = np.linspace(low, high, cells + 1)
+        x, y = (grid.ravel() for grid in np.meshgrid(steps[:-1], steps[:-1], indexing="ij"))
+        width = (high - low) / cells
+        corners = [np.stack([x + i * width, y + j * width, np.full_like(x, height)], axis=1) for i, j in
+                   ((0, 0), (1, 0), (1, 1), (0, 1))]  # fmt: skip
+        triangles = np.stack([np.stack([corners[k] for k in ks], axis=1) for ks in ((0, 1, 2), (0, 2, 3))], axis=1)
+        return triangles.reshape(-1, 3, 3)[:, :: 1 if up else -1]
+
+    parts = square(-2, 2, 0.0, 16, True), square(0, 0.2, 2.0, 1, False), square(0, 1, 0.1, 1, False)
+    which = np.repeat(np.arange(3), [len(part) for part in parts])
+    scene = fmm_core.Scene(
+        np.concatenate(parts),
+        np.array([0.8, 0.0, 0.8])[which],
+        np.array([0.0, 125.7, 0.0])[which],
+        np.full(len(which), True),
+    )
+    report = fmm_core.solve(scene, fmm_core.Settings(particles=300)).report
+    assert report["warnings"] == []
+    assert len(report["residuals"]) <= 20
+
+
 def test_more_particles_than_memory_can_pair_are_refused_in_one_line():
     with pytest.raises(fmm_core.Error, match=r"particles: the direct method with \d+ of them takes \d+ GiB"):
         fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), fmm_core.Settings(method="direct", particles=2_000_000))

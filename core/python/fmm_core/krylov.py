@@ -44,8 +44,8 @@ def gmres(
 
     radiosity, unshot, ratio = emission.copy(), emission, 1.0
     for _ in range(min(STEPS, settings.max_iterations)):
-        before, unshot = unshot.sum(axis=0), reflect(unshot)
-        ratio = float((unshot.sum(axis=0) / np.where(before > 0, before, 1.0)).max())
+        before, unshot = particles.weights @ unshot, reflect(unshot)
+        ratio = float((particles.weights @ unshot / np.where(before > 0, before, 1.0)).max())
         report.residuals.append(_largest(unshot, radiosity + unshot))
         if _remaining(report.residuals[-1], ratio) <= settings.tolerance:
             return np.maximum(radiosity + unshot, 0.0)
