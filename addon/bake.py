@@ -95,17 +95,24 @@ def read(context: bpy.types.Context, keep: bool = False) -> Input:
 
 
 def compute(
-    data: Input, settings: fmm_core.Settings, progress: Progress | None = None, session: Session | None = None
+    data: Input,
+    settings: fmm_core.Settings,
+    progress: Progress | None = None,
+    session: Session | None = None,
+    solve: bool = True,
 ) -> Result:
     """Solve and gather at the corners; never touches Blender.
 
-    session: its solution is used where it serves, and is then that of this bake.
+    session: its solution is used where it serves, and is then that of this bake; solve: whether a new solve may be made
+    where it does not, else fmm_core.Error is raised.
     """
     arrays, warnings = data.arrays, list(data.warnings)
     scene = fmm_core.Scene(arrays.triangles, arrays.albedo, arrays.emission, arrays.two_sided)
     solution = None if session is None else session.solution
     if solution is not None and _serves(solution, scene, settings, data.kept):
         solution = solution.relight(arrays.emission, arrays.albedo, _part(progress, 0.0, 0.8))
+    elif not solve:
+        raise fmm_core.Error("more than lights and colours has changed since the last bake: bake again")
     else:
         # Two at a time may be too much for the memory.
         solution = None

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import bpy
 from bl_ui.utils import PresetPanel
 from bpy.app.translations import pgettext_iface as translated
 
-from . import estimate
-from .report import PHASES, percent, summary
+from . import estimate, shading
+from .report import PHASES, percent
 from .session import Running, session
 
 #: Warnings that are shown; the Info editor and the report have them all.
@@ -47,6 +49,7 @@ class _Bake:
         if running is None:
             row.operator("fmm_radiosity.bake", icon="RENDER_STILL")
             _draw_summary(layout, context)
+            _draw_after(layout, context)
         else:
             row.progress(factor=running.fraction, text=label(running))
             layout.label(text="Esc cancels")
@@ -66,7 +69,7 @@ class _Quality:
 
 class _Output:
     bl_label = "Output"
-    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012
+    bl_options: ClassVar[set[str]] = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what is baked, and what is written."""
@@ -120,10 +123,25 @@ class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
         self.layout.operator("fmm_radiosity.show_report", icon="TEXT")
 
 
+class FMM_RADIOSITY_PT_meshes(_InSidebar, bpy.types.Panel):
+    """Work on meshes before a bake, and on materials after it."""
+
+    bl_label = "Meshes and Materials"
+    bl_parent_id = "FMM_RADIOSITY_PT_bake"
+    bl_options: ClassVar[set[str]] = {"DEFAULT_CLOSED"}
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the buttons."""
+        column = self.layout.column(align=True)
+        column.operator("fmm_radiosity.subdivide", icon="MOD_SUBSURF")
+        column.operator("fmm_radiosity.refine", icon="MOD_MULTIRES")
+        self.layout.operator("fmm_radiosity.add_nodes", icon="NODE_MATERIAL")
+
+
 class FMM_RADIOSITY_PT_scene(_InScene, _Bake, bpy.types.Panel):
     """The bake button in the scene's properties."""
 
-    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012
+    bl_options: ClassVar[set[str]] = {"DEFAULT_CLOSED"}
 
 
 class FMM_RADIOSITY_PT_scene_quality(_InScene, _Quality, bpy.types.Panel):
@@ -169,13 +187,29 @@ def _draw_pair(column: bpy.types.UILayout, name: str, value: str) -> None:
     split.label(text=value, translate=False)
 
 
+def _draw_after(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """What one does after a bake: look at it, and change the lights."""
+    row = layout.row(align=True)
+    row.operator("fmm_radiosity.relight", icon="LIGHT")
+    row.prop(context.window_manager, "fmm_radiosity_live", toggle=True)
+    if session.problem is not None:
+        layout.label(text=session.problem, icon="INFO", translate=False)
+    shown = isinstance(context.space_data, bpy.types.SpaceView3D) and shading.shows(context.space_data)
+    text = "Back to Before" if shown else "Show Result"
+    layout.operator("fmm_radiosity.show", text=text, icon="HIDE_OFF", depress=shown)
+
+
 def _draw_summary(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     cost = estimate.of_scene(context.scene, context.view_layer)
     text = translated("About {:s} and {:,d} MiB for {:,d} vertices")
     column = layout.column(align=True)
     column.label(text=text.format(estimate.spoken(cost.seconds), cost.memory_mib, cost.colours), translate=False)
     if session.report is not None:
-        column.label(text=summary(session.report), icon="CHECKMARK", translate=False)
+        error, seconds = session.report["error"]["measured_rms"], session.report["seconds"]["total"]
+        done = translated("Baked in {:.1f} s").format(seconds)
+        if error is not None:
+            done = translated("{:s}, error {:s}").format(done, percent(error))
+        column.label(text=done, icon="CHECKMARK", translate=False)
 
 
 CLASSES = (
@@ -184,6 +218,7 @@ CLASSES = (
     FMM_RADIOSITY_PT_quality,
     FMM_RADIOSITY_PT_output,
     FMM_RADIOSITY_PT_result,
+    FMM_RADIOSITY_PT_meshes,
     FMM_RADIOSITY_PT_scene,
     FMM_RADIOSITY_PT_scene_quality,
     FMM_RADIOSITY_PT_scene_output,

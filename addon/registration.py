@@ -7,15 +7,25 @@ from pathlib import Path
 
 import bpy
 
+from ..operators.add_nodes import FMM_RADIOSITY_OT_add_nodes
 from ..operators.bake import FMM_RADIOSITY_OT_bake
 from ..operators.presets import FMM_RADIOSITY_OT_preset_add
+from ..operators.refine import FMM_RADIOSITY_OT_refine
+from ..operators.relight import FMM_RADIOSITY_OT_relight
+from ..operators.show import FMM_RADIOSITY_OT_show
 from ..operators.show_report import FMM_RADIOSITY_OT_show_report
-from . import command_line, panels, properties
+from ..operators.subdivide import FMM_RADIOSITY_OT_subdivide
+from . import command_line, live, panels, properties
 from .session import session
 
 _CLASSES = (
     properties.FMM_RADIOSITY_settings,
     FMM_RADIOSITY_OT_bake,
+    FMM_RADIOSITY_OT_relight,
+    FMM_RADIOSITY_OT_show,
+    FMM_RADIOSITY_OT_subdivide,
+    FMM_RADIOSITY_OT_refine,
+    FMM_RADIOSITY_OT_add_nodes,
     FMM_RADIOSITY_OT_preset_add,
     FMM_RADIOSITY_OT_show_report,
     *panels.CLASSES,
@@ -28,7 +38,8 @@ _commands = []
 @bpy.app.handlers.persistent
 def _forget(*_: object) -> None:
     """Let go of the last bake: another file has other geometry, and its solution can be large."""
-    session.solution = session.report = None
+    session.solution = session.report = session.problem = None
+    session.views.clear()
 
 
 def register() -> None:
@@ -36,6 +47,7 @@ def register() -> None:
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     properties.register()
+    live.register()
     bpy.utils.register_preset_path(_FOLDER)
     bpy.app.handlers.load_pre.append(_forget)
     _commands.append(bpy.utils.register_cli_command("fmm_radiosity", command_line.main))
@@ -47,6 +59,7 @@ def unregister() -> None:
         bpy.utils.unregister_cli_command(_commands.pop())
     bpy.app.handlers.load_pre.remove(_forget)
     bpy.utils.unregister_preset_path(_FOLDER)
+    live.unregister()
     session.close()
     properties.unregister()
     for cls in reversed(_CLASSES):

@@ -44,13 +44,16 @@ class Session:
 
     running: the bake under way or None; report: that of the last finished bake or None; solution: what it solved, which
     serves the next bake where only lights and colours have changed, or None; pace: how much longer bakes take on this
-    machine than `estimate` has it
+    machine than `estimate` has it; views: how 3D views were shaded before they showed the result; problem: why the
+    colours do not follow the lights at the moment, or None
     """
 
     running: Running | None = None
     report: dict | None = None
     solution: fmm_core.Solution | None = None
     pace: float = 1.0
+    views: dict[int, dict[str, object]] = field(default_factory=dict)
+    problem: str | None = None
     _pool: ThreadPoolExecutor | None = None
 
     def submit(self, work: Callable, *arguments: object) -> Future:

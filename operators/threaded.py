@@ -119,7 +119,10 @@ def _show(context: bpy.types.Context) -> None:
 
 
 def _redraw(context: bpy.types.Context) -> None:
+    """Draw the panels again; the picture of the scene, which takes longer, has not changed."""
+    shown = {"VIEW_3D": "UI", "PROPERTIES": "WINDOW"}
     for window in context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type in ("VIEW_3D", "PROPERTIES"):
-                area.tag_redraw()
+            for region in area.regions:
+                if region.type == shown.get(area.type):
+                    region.tag_redraw()

@@ -12,7 +12,7 @@ EXTENSION = sorted([ROOT / "__init__.py", *(ROOT / "addon").glob("*.py"), *(ROOT
 BLENDER = {"bpy", "bmesh", "mathutils", "addon_utils"}
 
 MESH_READS = {"foreach_get", "vertices", "loops", "polygons", "loop_triangles", "corner_normals", "object_instances"}
-READERS = {"export.py", "meshes.py"}
+READERS = {"export.py", "meshes.py", "subdivision.py"}
 MESH_WRITES = {"foreach_set", "active_color_index", "render_color_index"}
 # Asking how many vertices and corners a mesh has is how the writer checks that it still fits.
 COUNTS_ONLY = {"vertices", "loops"}
@@ -67,6 +67,11 @@ def test_few_modules_read_meshes_and_one_writes_them(path):
         assert not used & (MESH_READS - (COUNTS_ONLY if name == "addon/attributes.py" else set()))
     if name != "addon/attributes.py":
         assert not used & MESH_WRITES
+
+
+@pytest.mark.parametrize("path", EXTENSION, ids=relative)
+def test_one_module_changes_geometry(path):
+    assert path.name == "subdivision.py" or "bmesh" not in packages(path)
 
 
 def test_package_can_be_imported_without_blender():

@@ -18,7 +18,8 @@ def fmm():
     import addon_utils
 
     assert addon_utils.enable(MODULE) is not None
-    names = ("export", "bake", "attributes", "materials", "properties", "command_line", "session", "report", "estimate")
+    names = ("export", "bake", "attributes", "materials", "properties", "command_line", "session", "report",
+             "estimate", "live", "subdivision")  # fmt: skip
     return SimpleNamespace(**{name: importlib.import_module(f"{MODULE}.addon.{name}") for name in names})
 
 

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Colours that follow the lights: after a change of lamps or materials the last bake is solved again by itself.
+
+It waits until nothing has changed for a moment, reads the scene, solves in the thread of the bakes, and writes.
+"""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import Future
+from contextlib import AbstractContextManager, nullcontext
+
+import bpy
+
+from . import bake, properties
+from .session import session
+
+#: Seconds without a change before anything is done, and between two looks at the thread.
+QUIET, LOOK = 0.2, 0.05
+#: Datablocks that light depends on beside the geometry.
+_LIGHTS = ("MATERIAL", "LIGHT", "WORLD", "NODETREE")
+
+
+class _Follower:
+    """When to solve again, and the solve under way."""
+
+    def __init__(self) -> None:
+        self.due: float | None = None
+        self.future: Future | None = None
+
+    def turn(self) -> float | None:
+        """One look, from Blender's timer; returns the seconds until the next one, None for the last."""
+        if self.future is not None:
+            return self._finish() if self.future.done() else LOOK
+        if self.due is None:
+            return None
+        if session.running is not None or time.monotonic() < self.due:
+            return LOOK
+        self.due = None
+        return self._start()
+
+    def _start(self) -> float | None:
+        if session.solution is None:
+            session.problem = None
+            return None
+        with _window():
+            context = bpy.context
+            try:
+                data = bake.read(context, context.scene.fmm_radiosity.keep_visibility)
+                settings = properties.settings_of(context.scene)
+            except bake.FAILURES as error:
+                session.problem = bake.reason(error)
+                return None
+        self.future = session.submit(bake.compute, data, settings, None, session, False)
+        return LOOK
+
+    def _finish(self) -> float | None:
+        future, self.future = self.future, None
+        try:
+            session.report, session.problem = bake.write(future.result()), None
+        except bake.FAILURES as error:
+            session.problem = bake.reason(error)
+        _redraw()
+        return None if self.due is None else LOOK
+
+
+_follower = _Follower()
+
+
+@bpy.app.handlers.persistent
+def changed(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Note that light has changed; called by Blender after every update."""
+    if not any(_is_light(update.id) for update in depsgraph.updates):
+        return
+    _follower.due = time.monotonic() + QUIET
+    if not bpy.app.timers.is_registered(_turn):
+        bpy.app.timers.register(_turn, first_interval=QUIET)
+
+
+def _turn() -> float | None:
+    return _follower.turn()
+
+
+def _is_light(block: bpy.types.ID) -> bool:
+    return block.id_type in _LIGHTS or (block.id_type == "OBJECT" and block.type == "LIGHT")
+
+
+def _window() -> AbstractContextManager:
+    """Timers have no window, and without one no scene."""
+    windows = bpy.context.window_manager.windows
+    return bpy.context.temp_override(window=windows[0]) if windows else nullcontext()
+
+
+def _redraw() -> None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+@bpy.app.handlers.persistent
+def _off(*_: object) -> None:
+    """Begin every file with the switch off, however it was saved."""
+    for manager in bpy.data.window_managers:
+        manager.fmm_radiosity_live = False
+
+
+def _switch(manager: bpy.types.WindowManager, _context: bpy.types.Context) -> None:
+    stop()
+    if manager.fmm_radiosity_live:
+        bpy.app.handlers.depsgraph_update_post.append(changed)
+
+
+def stop() -> None:
+    """Follow no longer."""
+    session.problem = None
+    _follower.__init__()
+    if changed in bpy.app.handlers.depsgraph_update_post:
+        bpy.app.handlers.depsgraph_update_post.remove(changed)
+    if bpy.app.timers.is_registered(_turn):
+        bpy.app.timers.unregister(_turn)
+
+
+def register() -> None:
+    """Add the switch, which is off and is not saved."""
+    bpy.types.WindowManager.fmm_radiosity_live = bpy.props.BoolProperty(
+        name="Live",
+        description="Relight by itself whenever a lamp or a material changes, until Blender is closed",
+        default=False,
+        update=_switch,
+    )
+    bpy.app.handlers.load_post.append(_off)
+
+
+def unregister() -> None:
+    """Take everything away."""
+    stop()
+    bpy.app.handlers.load_post.remove(_off)
+    del bpy.types.WindowManager.fmm_radiosity_live

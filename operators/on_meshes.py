@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What operators share that give the selected meshes more vertices."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..addon import subdivision
+from ..addon.session import session
+
+
+class OnMeshes:
+    """Works on the selected meshes or on copies of them; shown: the options, by name."""
+
+    shown: tuple[str, ...]
+
+    copies: bpy.props.BoolProperty(
+        name="On Copies",
+        description="Leave the meshes as they are, hide them, and work on copies",
+        default=False,
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Object Mode, no bake under way, and a mesh is selected."""
+        why = None
+        if session.running is not None:
+            why = "A bake is under way"
+        elif context.mode != "OBJECT":
+            why = "Switch to Object Mode first"
+        elif not subdivision.receivers(context):
+            why = "Select a mesh first"
+        if why is not None:
+            cls.poll_message_set(why)
+        return why is None
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the options."""
+        self.layout.use_property_split = True
+        for name in self.shown:
+            self.layout.prop(self, name)
+
+    def objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
+        """The objects to work on."""
+        chosen = subdivision.receivers(context)
+        return subdivision.copied(context, chosen) if self.copies else chosen

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Relighting by the button, and by itself."""
+
+import time
+
+import bpy
+import numpy as np
+import pytest
+from scenes import baked
+
+
+@pytest.fixture(autouse=True)
+def room(build):
+    bpy.context.scene.fmm_radiosity.particles = 300
+    build.room()
+    assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+
+
+@pytest.fixture
+def live(fmm):
+    """Switches Live on, and off in the end; `live()` does what Blender's timer would, until nothing is left to do."""
+    manager = bpy.context.window_manager
+    assert manager.fmm_radiosity_live is False
+    manager.fmm_radiosity_live = True
+
+    def follow():
+        bpy.context.view_layer.update()
+        wanted = fmm.live._follower.due is not None
+        end = time.monotonic() + 30
+        while fmm.live._turn() is not None and time.monotonic() < end:
+            time.sleep(0.02)
+        return wanted
+
+    yield follow
+    bpy.context.window_manager.fmm_radiosity_live = False
+
+
+def glow(strength):
+    bpy.data.materials["Glow"].node_tree.nodes["Emission"].inputs["Strength"].default_value = strength
+
+
+def box():
+    return baked(bpy.data.meshes["Box"])[:, :3]
+
+
+def test_relight_needs_a_bake_of_the_same_meshes(fmm):
+    before = box()
+    glow(2.0)
+    assert bpy.ops.fmm_radiosity.relight() == {"FINISHED"}
+    assert np.allclose(box(), 2 * before, rtol=1e-4)
+    assert fmm.session.session.report["counts"]["rays"] == 0
+    bpy.data.objects["Box"].location.z += 0.2
+    kept = box()
+    with pytest.raises(RuntimeError, match="bake again"):
+        bpy.ops.fmm_radiosity.relight()
+    assert (box() == kept).all()
+    # What the failed one left still serves.
+    bpy.data.objects["Box"].location.z -= 0.2
+    glow(1.0)
+    assert bpy.ops.fmm_radiosity.relight() == {"FINISHED"}
+    assert np.allclose(box(), before, rtol=1e-4)
+    fmm.session.session.solution = None
+    with pytest.raises(RuntimeError, match="Bake first"):
+        bpy.ops.fmm_radiosity.relight()
+
+
+def test_live_follows_lights_and_nothing_else(fmm, live):
+    before = box()
+    glow(3.0)
+    assert live()
+    assert np.allclose(box(), 3 * before, rtol=1e-4)
+    assert fmm.session.session.report["counts"]["rays"] == 0
+    # What it has written itself is no reason to begin again.
+    assert not live()
+    bpy.data.objects["Box"].location.z += 0.2
+    assert not live()
+    kept = box()
+    glow(1.0)
+    assert live()
+    assert "bake again" in fmm.session.session.problem
+    assert (box() == kept).all()
+    bpy.data.objects["Box"].location.z -= 0.2
+    glow(1.5)
+    assert live()
+    assert fmm.session.session.problem is None
+    assert np.allclose(box(), 1.5 * before, rtol=1e-4)
+
+
+def test_live_waits_for_a_pause(fmm, live):
+    glow(3.0)
+    bpy.context.view_layer.update()
+    assert fmm.live._turn() == fmm.live.LOOK
+    assert fmm.live._follower.future is None
+
+
+def test_live_is_off_in_every_new_file(fmm, live, tmp_path):
+    handlers = bpy.app.handlers.depsgraph_update_post
+    assert fmm.live.changed in handlers
+    path = tmp_path / "live.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    assert not any(manager.fmm_radiosity_live for manager in bpy.data.window_managers)
+    assert fmm.live.changed not in handlers
+    assert not bpy.app.timers.is_registered(fmm.live._turn)
