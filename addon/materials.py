@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials and world read as constants: what a diffuse surface reflects and gives off.
+"""Materials and world: what a surface reflects, gives off and lets through, at places on a mesh.
 
-Textures, mixed shaders and everything glossy are outside of what a bake simulates. Nothing of that goes by silently:
-each reader returns its remarks beside its numbers.
+What is not simulated, or cannot be read, does not go by silently: remarks come beside the numbers.
 """
 
 from __future__ import annotations
@@ -11,53 +10,219 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
 from fmm_core import Error
+
+from .node_readers import plain
+from .node_values import Points, Unreadable, Values
+from .textures import Image, MissingImage
 
 if TYPE_CHECKING:
     import bpy
 
-Colour = tuple[float, float, float]
+Array = np.ndarray
 
-GREY: Colour = (0.8, 0.8, 0.8)
-BLACK: Colour = (0.0, 0.0, 0.0)
+GREY = np.full((1, 3), 0.8)
+BLACK = np.zeros((1, 3))
+OPAQUE, CLEAR = np.zeros(1), np.ones(1)
 
 # Colours are single precision: far below its end, so that no sum of light gets there. The sun gives off 6e7 W/m^2.
 MAX_EMISSION = 1e20
+#: What shines and blocks nothing has to block so much, or no ray would find it.
+GLOWING = 1 / 16
 
-# Principled inputs that make a surface other than opaque and diffuse, with the value that switches each off.
-_NOT_DIFFUSE = {"Metallic": 0.0, "Transmission Weight": 0.0, "Alpha": 1.0}
+#: Shaders that reflect all of their colour, and how the socket is called.
+_REFLECTING = {
+    "ShaderNodeBsdfDiffuse": "Color",
+    "ShaderNodeBsdfAnisotropic": "Color",
+    "ShaderNodeBsdfGlossy": "Color",
+    "ShaderNodeBsdfMetallic": "Base Color",
+    "ShaderNodeBsdfSheen": "Color",
+    "ShaderNodeBsdfToon": "Color",
+    "ShaderNodeSubsurfaceScattering": "Color",
+}
+#: Principled inputs that do more than is simulated, where they are above 0.
+_LEFT_OUT = {
+    "Transmission Weight": "the surface is taken as opaque",
+    "Coat Weight": "left out",
+    "Sheen Weight": "left out",
+}
 
 
 @dataclass(frozen=True)
 class Surface:
-    """What one material does to light.
+    """What one material does to light at S places, or everywhere where S is 1.
 
-    albedo: reflected fraction per colour; emission: radiant exitance in W/m^2 per colour (pi times the radiance);
-    remarks: what was left out or replaced, in words.
+    albedo (S, 3): share of the light that is reflected, diffuse and specular together; emission (S, 3): radiant
+    exitance in W/m^2, pi times the radiance; opacity (S,): share of the light that does not pass straight through.
+    albedo and emission are those of the part that is there: of all of the surface it is `opacity` times as much.
+    remarks: what was left out or replaced, in words
     """
 
-    albedo: Colour
-    emission: Colour
+    albedo: Array
+    emission: Array
+    opacity: Array
     remarks: tuple[str, ...] = ()
 
 
-def read_material(material: bpy.types.Material | None) -> Surface:
-    """The constants of a material; no material is Blender's grey of 0.8.
+def read_material(material: bpy.types.Material | None, points: Points, images: dict[bpy.types.Image, Image]) -> Surface:
+    """A material at places on a mesh; no material is Blender's grey of 0.8.
 
     Raises fmm_core.Error naming material and value where a colour or strength is negative or not finite, or where the
     emission is above MAX_EMISSION.
     """
     if material is None:
-        return Surface(GREY, BLACK)
+        return Surface(GREY, BLACK, CLEAR)
     if _without_nodes(material):
-        return Surface(_colour(material.diffuse_color, material, "Base Color"), BLACK)
-    shader = _shader_of(material.node_tree)
-    if shader is None:
-        return Surface(GREY, BLACK, ("has no shader at its Surface output, grey 0.8 is used",))
-    reader = _READERS.get(shader.bl_idname)
-    if reader is None:
-        return Surface(GREY, BLACK, (f"shader '{shader.name}' is not simulated, grey 0.8 is used",))
-    return reader(material, shader)
+        colour = np.array([material.diffuse_color[:3]], float)
+        return Surface(_checked(colour, material, "Base Color"), BLACK, CLEAR)
+    socket = _surface_socket(material.node_tree)
+    if socket is None or not socket.is_linked:
+        return Surface(GREY, BLACK, CLEAR, ("has no shader at its Surface output, grey 0.8 is used",))
+    shaders = _Shaders(material, Values(points, images))
+    closure = shaders.closure(socket)
+    opacity = 1 - np.clip(closure.passes, 0, 1)
+    glows = (closure.emission > 0).any(axis=1)
+    if (glows & (opacity < GLOWING)).any():
+        shaders.remark(f"shines where it is transparent: {GLOWING:.0%} of the light is blocked there")
+        opacity = np.where(glows, np.maximum(opacity, GLOWING), opacity)
+    solid = np.where(opacity > 0, opacity, np.inf)[:, None]
+    return Surface(closure.albedo / solid, closure.emission / solid, opacity, tuple(shaders.remarks))
+
+
+@dataclass(frozen=True)
+class _Closure:
+    """What shaders together do, over all of the surface: albedo, emission (S, 3), and what passes (S,)."""
+
+    albedo: Array = BLACK
+    emission: Array = BLACK
+    passes: Array = OPAQUE
+
+
+class _Shaders:
+    """Turns the shaders of one material into a closure."""
+
+    def __init__(self, material: bpy.types.Material, values: Values) -> None:
+        self.material, self.values = material, values
+        self.remarks = values.remarks
+
+    def remark(self, text: str) -> None:
+        if text not in self.remarks:
+            self.remarks.append(text)
+
+    def closure(self, socket: bpy.types.NodeSocket) -> _Closure:
+        """Of the shader at a socket; nothing where none is linked."""
+        return self.values.within(socket, self._closure)
+
+    def _closure(self, source: bpy.types.NodeSocket | None) -> _Closure:
+        if source is None or not source.is_output:
+            return _Closure()
+        node, kind = source.node, source.node.bl_idname
+        if kind == "ShaderNodeMixShader":
+            factor = np.clip(self.number(node, "Fac"), 0, 1)
+            return _sum((1 - factor, self.closure(node.inputs[1])), (factor, self.closure(node.inputs[2])))
+        if kind == "ShaderNodeAddShader":
+            return _sum((CLEAR, self.closure(node.inputs[0])), (CLEAR, self.closure(node.inputs[1])))
+        if kind == "ShaderNodeBsdfTransparent":
+            return _Closure(passes=self.colour(node, "Color").mean(axis=1))
+        if kind == "ShaderNodeEmission":
+            return _Closure(emission=self.emission(node, "Color", "Strength"))
+        if kind == "ShaderNodeBsdfPrincipled":
+            return self.principled(node)
+        if kind in _REFLECTING:
+            return _Closure(self.colour(node, _REFLECTING[kind]))
+        if kind == "ShaderNodeBsdfTranslucent":
+            self.remark(f"shader '{node.name}' is taken as diffuse reflection")
+            return _Closure(self.colour(node, "Color"))
+        if kind == "ShaderNodeHoldout":
+            return _Closure()
+        self.remark(f"shader '{node.name}' is not simulated, grey 0.8 is used")
+        return _Closure(GREY)
+
+    def principled(self, node: bpy.types.Node) -> _Closure:
+        """The specular layer reflects its mean share, what it lets through the base reflects; metal reflects it all."""
+        base, metallic = self.colour(node, "Base Color"), np.clip(self.number(node, "Metallic"), 0, 1)[:, None]
+        level, ior = self.number(node, "Specular IOR Level"), self.number(node, "IOR")
+        shine = mean_reflectance(level, ior)[:, None]
+        tint = self.colour(node, "Specular Tint") if shine.any() else BLACK
+        plastic = base * (1 - shine) + tint * shine
+        # Schlick's reflectance, averaged over the hemisphere by cosine.
+        metal = base + (1 - np.minimum(base, 1)) / 21
+        for name, instead in _LEFT_OUT.items():
+            socket = node.inputs.get(name)
+            if socket is not None and (socket.is_linked or socket.default_value > 0):
+                self.remark(f"{name} is not simulated, {instead}")
+        closure = _Closure((1 - metallic) * plastic + metallic * metal, self.emission(node, *_PRINCIPLED_EMISSION))
+        opacity = np.clip(self.number(node, "Alpha"), 0, 1)
+        return _sum((opacity, closure), (1 - opacity, _Closure(passes=CLEAR)))
+
+    def emission(self, node: bpy.types.Node, colour: str, strength: str) -> Array:
+        """Radiant exitance (S, 3) in W/m^2 of a colour and a strength socket, whose product is a radiance."""
+        factor = self.number(node, strength)
+        if not factor.any():
+            return BLACK
+        found = math.pi * factor[:, None] * self.colour(node, colour)
+        if found.max() > MAX_EMISSION:
+            raise Error(f"material '{self.material.name}' gives off {found.max():.3g} W/m^2: at most "
+                        f"{MAX_EMISSION:g} can be baked")  # fmt: skip
+        return found
+
+    def colour(self, node: bpy.types.Node, name: str) -> Array:
+        """(S, 3) of an input."""
+        return self._input(node, name, self.values.colour)
+
+    def number(self, node: bpy.types.Node, name: str) -> Array:
+        """(S,) of an input."""
+        return self._input(node, name, self.values.number)
+
+    def _input(self, node: bpy.types.Node, name: str, find: object) -> Array:
+        """What is found for an input, or its plain value with a remark where a link cannot be read."""
+        socket = node.inputs[name]
+        try:
+            value = find(socket)
+        except (Unreadable, MissingImage) as error:
+            value = plain(socket)
+            shown = ", ".join(f"{part:.3g}" for part in value.ravel())
+            why = f"comes from '{error}', which is not read" if isinstance(error, Unreadable) else f"is lost, {error}"
+            self.remark(f"{name} {why}: its plain value {f'({shown})' if value.size > 1 else shown} is used")
+        if socket.is_linked and np.isfinite(value).all():
+            return np.maximum(value, 0.0)
+        return _checked(value, self.material, name)
+
+
+_PRINCIPLED_EMISSION = "Emission Color", "Emission Strength"
+
+
+def _sum(*parts: tuple[Array, _Closure]) -> _Closure:
+    """Closures added up, each times a weight (S,)."""
+    albedo = sum(weight[:, None] * closure.albedo for weight, closure in parts)
+    emission = sum(weight[:, None] * closure.emission for weight, closure in parts)
+    return _Closure(albedo, emission, sum(weight * closure.passes for weight, closure in parts))
+
+
+def mean_reflectance(level: Array, ior: Array) -> Array:
+    """(S,) share of diffuse light that a dielectric of this index of refraction and specular level reflects.
+
+    By the fit of Kulla and Conty, Revisiting Physically Based Shading at Imageworks (2017).
+    """
+    ior = np.maximum(ior, 1 / np.maximum(ior, 1e-3))
+    facing = np.clip(((ior - 1) / (ior + 1)) ** 2 * 2 * level, 0.0, 0.99)
+    ior = (1 + np.sqrt(facing)) / (1 - np.sqrt(facing))
+    return np.clip((ior - 1) / (4.08567 + 1.00071 * ior), 0.0, 1.0)
+
+
+def _checked(values: Array, material: bpy.types.Material, name: str) -> Array:
+    wrong = values[~(np.isfinite(values) & (values >= 0))]
+    if wrong.size:
+        raise Error(f"material '{material.name}': {name} is {wrong[0]:g}, it must be finite and not negative")
+    return values
+
+
+def _surface_socket(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket | None:
+    """The Surface socket of the active output."""
+    outputs = [node for node in tree.nodes if node.bl_idname in ("ShaderNodeOutputMaterial", "ShaderNodeOutputWorld")]
+    output = next((node for node in outputs if node.is_active_output), outputs[0] if outputs else None)
+    return None if output is None else output.inputs["Surface"]
 
 
 def world_remark(world: bpy.types.World | None) -> str | None:
@@ -80,12 +245,8 @@ def _without_nodes(datablock: bpy.types.Material | bpy.types.World) -> bool:
 
 def _shader_of(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
     """The node at the Surface socket of the active output, reroutes followed; None where nothing is there."""
-    outputs = [node for node in tree.nodes if node.bl_idname in ("ShaderNodeOutputMaterial", "ShaderNodeOutputWorld")]
-    output = next((node for node in outputs if node.is_active_output), outputs[0] if outputs else None)
-    if output is None:
-        return None
-    socket = output.inputs["Surface"]
-    while socket.is_linked and socket.links:
+    socket = _surface_socket(tree)
+    while socket is not None and socket.is_linked and socket.links:
         node = socket.links[0].from_node
         if node.bl_idname != "NodeReroute":
             return node
@@ -101,69 +262,3 @@ def _background_is_lit(shader: bpy.types.Node | None) -> bool:
     colour, strength = shader.inputs["Color"], shader.inputs["Strength"]
     bright = colour.is_linked or any(channel > 0 for channel in colour.default_value[:3])
     return bright and (strength.is_linked or strength.default_value > 0)
-
-
-def _principled(material: bpy.types.Material, shader: bpy.types.Node) -> Surface:
-    albedo, remarks = _input(shader, "Base Color")
-    emission, more = _emission(material, shader, "Emission Color", "Emission Strength")
-    remarks += more
-    for name, off in _NOT_DIFFUSE.items():
-        socket = shader.inputs.get(name)
-        if socket is not None and (socket.is_linked or socket.default_value != off):
-            remarks.append(f"{name} is not simulated, the surface is taken as diffuse and opaque")
-    return Surface(_colour(albedo, material, "Base Color"), emission, tuple(remarks))
-
-
-def _diffuse(material: bpy.types.Material, shader: bpy.types.Node) -> Surface:
-    albedo, remarks = _input(shader, "Color")
-    return Surface(_colour(albedo, material, "Color"), BLACK, tuple(remarks))
-
-
-def _emitter(material: bpy.types.Material, shader: bpy.types.Node) -> Surface:
-    emission, remarks = _emission(material, shader, "Color", "Strength")
-    return Surface(BLACK, emission, tuple(remarks))
-
-
-def _emission(
-    material: bpy.types.Material, shader: bpy.types.Node, colour_name: str, strength_name: str
-) -> tuple[Colour, list[str]]:
-    """Radiant exitance in W/m^2 of a colour and a strength socket, whose product is a radiance."""
-    strength, remarks = _input(shader, strength_name)
-    colour, more = _input(shader, colour_name)
-    if not strength and not remarks:
-        return BLACK, []
-    _check(strength, material, strength_name)
-    radiance = _colour(colour, material, colour_name)
-    emission = tuple(math.pi * strength * channel for channel in radiance)
-    if max(emission) > MAX_EMISSION:
-        raise Error(f"material '{material.name}' gives off {max(emission):.3g} W/m^2: at most {MAX_EMISSION:g} can be "
-                    "baked")  # fmt: skip
-    return emission, remarks + more
-
-
-def _input(shader: bpy.types.Node, name: str) -> tuple[object, list[str]]:
-    """The plain value of an input, and a remark where a link would have overruled it."""
-    socket = shader.inputs[name]
-    if not socket.is_linked:
-        return socket.default_value, []
-    source = socket.links[0].from_node.name if socket.links else "a node"
-    value = socket.default_value
-    shown = f"{value:.3g}" if isinstance(value, float) else "({:.3g}, {:.3g}, {:.3g})".format(*value[:3])
-    return value, [f"{name} comes from '{source}', which is not read yet: its plain value {shown} is used"]
-
-
-def _colour(value: object, material: bpy.types.Material, name: str) -> Colour:
-    return tuple(_check(channel, material, name) for channel in value[:3])
-
-
-def _check(value: float, material: bpy.types.Material, name: str) -> float:
-    if not math.isfinite(value) or value < 0:
-        raise Error(f"material '{material.name}': {name} is {value:g}, it must be finite and not negative")
-    return float(value)
-
-
-_READERS = {
-    "ShaderNodeBsdfPrincipled": _principled,
-    "ShaderNodeBsdfDiffuse": _diffuse,
-    "ShaderNodeEmission": _emitter,
-}

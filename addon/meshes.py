@@ -28,6 +28,53 @@ class Mesh:
     triangle_face: np.ndarray  # (T,)
 
 
+class Layers:
+    """What an evaluated mesh carries at its C corners, for its materials: read when it is asked for, then kept.
+
+    position, world (C, 3) m in its own space and in the world's; generated (C, 3) from 0 to 1 over its texture space
+    """
+
+    def __init__(self, data: bpy.types.Mesh, mesh: Mesh, world: World) -> None:
+        self._data, self._mesh = data, mesh
+        self._known: dict[tuple[str, bool | None], np.ndarray | None] = {}
+        self.position, self.world = mesh.vertex[mesh.corner_vertex], world.position[mesh.corner_vertex]
+        size = np.array(data.texspace_size, float)
+        low = np.array(data.texspace_location, float) - size
+        self.generated = (self.position - low) / np.where(size > 0, 2 * size, np.inf)
+
+    def uv(self, name: str) -> np.ndarray | None:
+        """(C, 3) a UV map, the one used for renders where it has no name; None where there is none."""
+        if (name, None) not in self._known:
+            layers = self._data.uv_layers
+            layer = layers.get(name) if name else next((each for each in layers if each.active_render), None)
+            found = None if layer is None else get(layer.uv, "vector", np.float32, 2).astype(np.float64)
+            self._known[name, None] = None if found is None else np.pad(found, ((0, 0), (0, 1)))
+        return self._known[name, None]
+
+    def attribute(self, name: str, colour: bool) -> np.ndarray | None:
+        """(C, 1, 3 or 4) an attribute, or one of colours, the one used for renders where it has no name; or None."""
+        if (name, colour) not in self._known:
+            name_or_default = name or (self._data.attributes.default_color_name if colour else "")
+            layer = self._data.attributes.get(name_or_default)
+            self._known[name, colour] = None if layer is None else self._of_corners(layer)
+        return self._known[name, colour]
+
+    def _of_corners(self, layer: bpy.types.Attribute) -> np.ndarray | None:
+        kinds = {"FLOAT": ("value", 1), "INT": ("value", 1), "BOOLEAN": ("value", 1), "FLOAT2": ("vector", 2)}
+        kinds |= {"FLOAT_VECTOR": ("vector", 3), "FLOAT_COLOR": ("color", 4), "BYTE_COLOR": ("color", 4)}
+        if layer.data_type not in kinds:
+            return None
+        name, width = kinds[layer.data_type]
+        dtype = {"INT": np.int32, "BOOLEAN": bool}.get(layer.data_type, np.float32)
+        values = get(layer.data, name, dtype, width).astype(np.float64).reshape(-1, width)
+        values = np.pad(values, ((0, 0), (0, 1))) if width == 2 else values
+        if layer.domain == "POINT":
+            return values[self._mesh.corner_vertex]
+        if layer.domain == "FACE":
+            return np.repeat(values, self._mesh.face_corners, axis=0)
+        return values if layer.domain == "CORNER" else None
+
+
 class World:
     """A mesh carried into world space: position (V,3) in m, corner_normal (C,3) unit."""
 
