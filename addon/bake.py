@@ -107,7 +107,7 @@ def compute(
     where it does not, else fmm_core.Error is raised.
     """
     arrays, warnings = data.arrays, list(data.warnings)
-    scene = fmm_core.Scene(arrays.triangles, arrays.albedo, arrays.emission, arrays.two_sided)
+    scene = fmm_core.Scene(arrays.triangles, arrays.albedo, arrays.emission, arrays.two_sided, arrays.opacity)
     solution = None if session is None else session.solution
     if solution is not None and _serves(solution, scene, settings, data.kept):
         solution = solution.relight(arrays.emission, arrays.albedo, _part(progress, 0.0, 0.8))

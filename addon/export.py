@@ -13,14 +13,18 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from fmm_core import Error
+from fmm_core import Error, Opacity
 
 from . import materials
-from .meshes import Mesh, World, is_closed, read_mesh, same_topology, triangle_centres, with_area
+from .meshes import Layers, Mesh, World, is_closed, read_mesh, same_topology, triangle_centres, with_area
+from .sampling import Painted, Painter
 
 if TYPE_CHECKING:
     import bpy
 
+
+#: Parts of triangles whose colour varies are this many times smaller than the scene.
+DETAIL = 32
 
 # Stands for names in a remark; no name in Blender holds it.
 _OBJECTS = "\0"
@@ -47,7 +51,8 @@ class Receiver:
 class SceneArrays:
     """A scene in world space, without anything of Blender in it; safe to hand to another thread.
 
-    triangles (T,3,3) m, counter-clockwise from the front; albedo (T,3); emission (T,3) W/m^2; two_sided (T,) bool.
+    triangles (T,3,3) m, counter-clockwise from the front; albedo (T,3); emission (T,3) W/m^2; two_sided (T,) bool;
+    opacity of the triangles.
     corner_* describe the C corners of all receivers, in mesh order: position (C,3) m, normal (C,3) unit, vertex (C,)
     int unique over the scene, triangle_centre (C,3) m of the largest triangle at the corner, albedo (C,3), and
     emission (C,3) W/m^2.
@@ -57,6 +62,7 @@ class SceneArrays:
     albedo: np.ndarray
     emission: np.ndarray
     two_sided: np.ndarray
+    opacity: Opacity
     corner_position: np.ndarray
     corner_normal: np.ndarray
     corner_vertex: np.ndarray
@@ -143,13 +149,14 @@ class _Reader:
     receivers: list[Receiver] = field(default_factory=list)
     users: dict[str, list[str]] = field(default_factory=dict)
     remarks: dict[str, list[str]] = field(default_factory=dict)
-    surfaces: dict[object, materials.Surface] = field(default_factory=dict)
+    opacity_cells: list[np.ndarray | None] = field(default_factory=list)
     shapes: list[_Shape] = field(default_factory=list)
     meshes: int = 0
     corners: int = 0
     vertices: int = 0
 
     def __post_init__(self) -> None:
+        self.painter = Painter(_size(self.depsgraph) / DETAIL, {}, {})
         self.renderable = set(_renderable(self.depsgraph.view_layer_eval.layer_collection))
         # Where a collection is hidden, Blender evaluates its objects all the same.
         visible = {obj.name for obj in self.depsgraph.view_layer.objects if obj.visible_get()}
@@ -181,40 +188,25 @@ class _Reader:
             return
         mesh = read_mesh(obj.data)
         world = World(obj.name, mesh, np.array(instance.matrix_world, np.float64))
-        albedo, emission = self.colours(obj, mesh)
-        self.add_triangles(obj, mesh, world, albedo, emission)
+        painted = self.paint(obj, mesh, world)
         if self.is_receiver(instance, mesh):
-            self.add_corners(obj, mesh, world, albedo, emission)
+            self.add_corners(obj, mesh, world, painted)
 
-    def colours(self, obj: bpy.types.Object, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-        """Albedo (F,3) and emission (F,3) in W/m^2 of every face."""
-        surfaces = []
-        for material in _materials(obj):
-            if material not in self.surfaces:
-                self.surfaces[material] = materials.read_material(material)
-            surfaces.append(self.surfaces[material])
-            for text in surfaces[-1].remarks:
-                self.remark(f"material '{material.name}' on object {_OBJECTS}: {text}", obj.name)
-        slot = np.minimum(mesh.face_material, len(surfaces) - 1)
-        albedo = np.array([surface.albedo for surface in surfaces], np.float64)
-        emission = np.array([surface.emission for surface in surfaces], np.float64)
-        return albedo[slot], emission[slot]
-
-    def add_triangles(
-        self, obj: bpy.types.Object, mesh: Mesh, world: World, albedo: np.ndarray, emission: np.ndarray
-    ) -> None:
-        """Everything that blocks, reflects or gives off light; triangles without area do none of it."""
-        triangles = world.position[mesh.corner_vertex[mesh.triangle_corners]]
-        if world.mirrored:
-            triangles = triangles[:, ::-1]
-        kept = with_area(triangles)
+    def paint(self, obj: bpy.types.Object, mesh: Mesh, world: World) -> Painted:
+        """Add everything that blocks, reflects or gives off light; triangles without area do none of it."""
+        painted = self.painter.paint(mesh, Layers(obj.data, mesh, world), world.mirrored, _materials(obj))
+        for material, text in painted.remarks:
+            self.remark(f"material '{material.name}' on object {_OBJECTS}: {text}", obj.name)
+        kept = with_area(world.position[mesh.corner_vertex[mesh.triangle_corners]])
         flat = len(mesh.face_corners) - len(np.unique(mesh.triangle_face[kept]))
         if flat:
             faces = "1 face" if flat == 1 else f"{flat} faces"
             self.remark(f"object '{obj.name}': {faces} without area left out")
-        face = mesh.triangle_face[kept]
-        self.append(triangles=triangles[kept], albedo=albedo[face], emission=emission[face])
-        self.shapes.append(_Shape(world.position, len(face), is_closed(mesh)))
+        names = "triangles", "albedo", "emission", "opacity", "one_sided"
+        self.append(**{name: getattr(painted, name) for name in names})
+        self.opacity_cells += painted.opacity_cells
+        self.shapes.append(_Shape(world.position, len(painted.triangles), is_closed(mesh)))
+        return painted
 
     def is_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: Mesh) -> bool:
         """Whether the mesh of this object can take colours and has not been taken yet; says why not."""
@@ -238,9 +230,7 @@ class _Reader:
             return len(users) == 1
         return False
 
-    def add_corners(
-        self, obj: bpy.types.Object, mesh: Mesh, world: World, albedo: np.ndarray, emission: np.ndarray
-    ) -> None:
+    def add_corners(self, obj: bpy.types.Object, mesh: Mesh, world: World, painted: Painted) -> None:
         """Everything that is needed to colour the mesh of an object."""
         count = len(mesh.corner_vertex)
         self.append(
@@ -248,8 +238,8 @@ class _Reader:
             corner_normal=world.corner_normal,
             corner_vertex=mesh.corner_vertex + self.vertices,
             corner_triangle_centre=triangle_centres(mesh, world.position),
-            corner_albedo=np.repeat(albedo, mesh.face_corners, axis=0),
-            corner_emission=np.repeat(emission, mesh.face_corners, axis=0),
+            corner_albedo=painted.corner_albedo,
+            corner_emission=painted.corner_emission,
         )
         rows = slice(self.corners, self.corners + count)
         self.receivers.append(
@@ -287,7 +277,8 @@ class _Reader:
         if not arrays["emission"].any():
             raise Error(f"nothing in scene '{scene.name}' gives off light: give a mesh a material with an Emission "
                         f"shader, or with an Emission Strength above 0 in its Principled shader{because}")  # fmt: skip
-        arrays["two_sided"] = _two_sided(self.shapes)
+        arrays["two_sided"] = _two_sided(self.shapes) & ~arrays.pop("one_sided")
+        arrays["opacity"] = _opacity(arrays["opacity"], self.opacity_cells)
         return SceneArrays(**arrays, receivers=tuple(self.receivers), warnings=warnings)
 
     def add_scene_remarks(self, scene: bpy.types.Scene) -> None:
@@ -323,6 +314,24 @@ def _two_sided(shapes: Sequence[_Shape]) -> np.ndarray:
         near[i] = False
         flags[i] = any(_any_inside(shapes[j].position, inner_low[i], inner_high[i]) for j in np.flatnonzero(near))
     return np.repeat(flags, [shape.triangles for shape in shapes])
+
+
+def _opacity(values: np.ndarray, cells: list[np.ndarray | None]) -> Opacity:
+    steps = [0 if grid is None else round(len(grid) ** 0.5) for grid in cells]
+    grids = [grid for grid in cells if grid is not None]
+    return Opacity(np.clip(values, 0, 1), steps, np.concatenate(grids) if grids else ())
+
+
+def _size(depsgraph: bpy.types.Depsgraph) -> float:
+    """About how large a scene is, m: the longest side of a box around its meshes."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for instance in depsgraph.object_instances:
+        if instance.object.type == "MESH":
+            corners = np.array(instance.object.bound_box, float) @ np.array(instance.matrix_world, float)[:3, :3].T
+            corners += np.array(instance.matrix_world, float)[:3, 3]
+            low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
+    size = (high - low).max()
+    return float(size) if np.isfinite(size) and size > 0 else 1.0
 
 
 def _any_inside(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The materials of one mesh, taken as means over its triangles and at its corners.
+
+Where colour, light or alpha changes over a triangle, it is sampled as finely as its texture; and where that triangle
+is large, it is cut, so that light of several colours leaves it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from fmm_core.opacity import cell_centres
+
+from .materials import Surface, read_material
+from .meshes import Layers, Mesh, with_area
+from .node_values import Points
+
+if TYPE_CHECKING:
+    import bpy
+
+    from .textures import Image
+
+Array = np.ndarray
+
+#: Samples along the edge of a triangle at most: of colours, whose mean is wanted, and of alpha, whose edges are.
+MOST_COLOURS, MOST_ALPHA = 16, 128
+#: And where values come from no image, whose pixels tell how fine they are.
+UNKNOWN = 8
+#: Samples of one material on one mesh at most.
+MOST_SAMPLES = 1 << 22
+#: Parts that the edge of a triangle is cut into at most.
+MOST_PARTS = 16
+#: Parts of a triangle that differ by less are not worth a triangle each; alpha that differs by less is a constant.
+SAME, SAME_ALPHA = 0.02, 1 / 512
+#: Samples that are evaluated at a time: bounds memory.
+CHUNK = 1 << 18
+
+
+@dataclass
+class Painted:
+    """A mesh with its materials.
+
+    triangles (T', 3, 3): those of the mesh that have an area, in world space, some of them in parts
+    albedo (T', 3), emission (T', 3) W/m^2, opacity (T',), one_sided (T',): as `fmm_core.Scene` and `Opacity` have
+    them; opacity_cells: one array of n * n cells for each triangle, or None where it has a constant
+    corner_albedo, corner_emission (C, 3): at the corners of the mesh; remarks: by material
+    """
+
+    triangles: Array
+    albedo: Array
+    emission: Array
+    opacity: Array
+    opacity_cells: list[Array | None]
+    one_sided: Array
+    corner_albedo: Array
+    corner_emission: Array
+    remarks: list[tuple[bpy.types.Material, str]]
+
+
+@dataclass
+class Painter:
+    """Reads materials on meshes.
+
+    detail: parts of triangles are about this large, m; images: what was read already; constants: materials that are
+    the same everywhere
+    """
+
+    detail: float
+    images: dict[bpy.types.Image, Image]
+    constants: dict[bpy.types.Material | None, tuple[Surface, bool, tuple[str, ...]]]
+
+    def paint(
+        self, mesh: Mesh, layers: Layers, mirrored: bool, materials: Sequence[bpy.types.Material | None]
+    ) -> Painted:
+        """A mesh whose slots have these materials; raises fmm_core.Error as `read_material`."""
+        corners = mesh.triangle_corners[:, ::-1] if mirrored else mesh.triangle_corners
+        corners = corners[with_area(layers.world[corners])]
+        slots = np.minimum(mesh.face_material, len(materials) - 1)
+        of_corners = np.repeat(slots, mesh.face_corners)
+        painted = Painted(
+            *([] for _ in range(6)),
+            np.zeros((len(of_corners), 3)),
+            np.zeros((len(of_corners), 3)),
+            [],
+        )
+        for slot, material in enumerate(materials):
+            own, at = corners[of_corners[corners[:, 0]] == slot], np.flatnonzero(of_corners == slot)
+            if len(at):
+                self._add(painted, material, layers, own, at)
+        for name in ("triangles", "albedo", "emission", "opacity", "one_sided"):
+            parts = getattr(painted, name)
+            setattr(painted, name, np.concatenate(parts) if parts else np.zeros((0, *_SHAPES.get(name, ()))))
+        return painted
+
+    def _add(
+        self, painted: Painted, material: bpy.types.Material | None, layers: Layers, own: Array, at: Array
+    ) -> None:
+        """The triangles with corners (K, 3) and the mesh corners that have one material."""
+        one_sided = False
+        if material in self.constants:
+            surface, one_sided, remarks = self.constants[material]
+        else:
+            first = Points(layers, at[:1, None], np.ones((1, 1)))
+            surface = read_material(material, first, self.images)
+            remarks = surface.remarks
+            if first.sided:
+                one_sided, more = self._sides(material, surface, first)
+                remarks += more
+            if first.varies:
+                surface = None
+            else:
+                self.constants[material] = surface, one_sided, remarks
+        painted.remarks += [(material, text) for text in remarks]
+        if surface is not None:
+            painted.corner_albedo[at], painted.corner_emission[at] = surface.albedo, surface.emission
+            self._extend(painted, layers.world[own], one_sided, *(np.repeat(part, len(own), axis=0) for part in
+                         (surface.albedo, surface.emission, surface.opacity)), [None] * len(own))  # fmt: skip
+            return
+        at_corners = read_material(material, Points(layers, at[:, None], np.ones((len(at), 1))), self.images)
+        painted.corner_albedo[at], painted.corner_emission[at] = at_corners.albedo, at_corners.emission
+        for found in _sampled(lambda points: read_material(material, points, self.images), layers, own, self.detail):
+            self._extend(painted, found[0], one_sided, *found[1:])
+
+    def _sides(self, material: bpy.types.Material, front: Surface, points: Points) -> tuple[bool, tuple[str, ...]]:
+        """Whether a material that asks which side it is seen from is dark at its back; and a remark if it cannot be."""
+        back = read_material(material, Points(points.layers, points.corners, points.weights, back=True), self.images)
+        if not (back.albedo.any() or back.emission.any()) and (back.opacity == front.opacity).all():
+            return True, ()
+        same = all(np.array_equal(getattr(front, name), getattr(back, name)) for name in
+                   ("albedo", "emission", "opacity"))  # fmt: skip
+        return False, () if same else ("its back differs from its front, which is used on both sides",)
+
+    def _extend(
+        self, painted: Painted, triangles: Array, one_sided: bool, albedo: Array, emission: Array, opacity: Array,
+        cells: list[Array | None],
+    ) -> None:  # fmt: skip
+        painted.triangles.append(triangles)
+        painted.albedo.append(albedo)
+        painted.emission.append(emission)
+        painted.opacity.append(opacity)
+        painted.opacity_cells += cells
+        painted.one_sided.append(np.full(len(triangles), one_sided))
+
+
+_SHAPES = {"triangles": (3, 3), "albedo": (3,), "emission": (3,)}
+
+_Sampled = tuple[Array, Array, Array, Array, list[Array | None]]
+
+
+def _sampled(read: Callable[[Points], Surface], layers: Layers, corners: Array, detail: float) -> list[_Sampled]:
+    """Triangles with corners (K, 3), some in parts: positions, albedo, emission, opacity and its cells, in turns."""
+    if not len(corners):
+        return []
+    # At the corners: how fine textures are on each triangle, and whether alpha may change over it.
+    points = Points(layers, corners.reshape(-1, 1), np.ones((3 * len(corners), 1)))
+    most = MOST_COLOURS if len(read(points).opacity) == 1 else MOST_ALPHA
+    texels = np.full(len(corners), float(UNKNOWN))
+    if points.texels:
+        texels = np.max([_longest(places.reshape(-1, 3, 2)) for places in points.texels], axis=0)
+    world = layers.world[corners]
+    parts = _power_of_two(np.clip(_longest(world) / detail, 1, MOST_PARTS) / np.sqrt(2))
+    steps = _power_of_two(np.clip(texels / (1 if most == MOST_ALPHA else 2), 1, most))
+    while (steps**2).sum() > MOST_SAMPLES and steps.max() > 1:
+        steps = np.minimum(steps, steps.max() // 2)
+    parts = np.minimum(parts, steps)
+    found = []
+    for part, step in np.unique(np.column_stack([parts, steps]), axis=0).tolist():
+        rows = np.flatnonzero((parts == part) & (steps == step))
+        size = max(1, CHUNK // (step * step))
+        for start in range(0, len(rows), size):
+            chosen = corners[rows[start : start + size]]
+            found.append(_parts(read, layers, chosen, part, step // part))
+    return found
+
+
+def _parts(read: Callable[[Points], Surface], layers: Layers, corners: Array, parts: int, steps: int) -> _Sampled:
+    """Triangles (K, 3), cut along their edges into so many parts, each with the mean of steps * steps samples."""
+    bounds = _cell_corners(parts)
+    uv = cell_centres(steps)
+    weights = np.einsum("nc,pcx->pnx", np.column_stack([1 - uv.sum(axis=1), uv]), bounds)
+    count, pieces, samples = len(corners), len(bounds), steps * steps
+    points = Points(
+        layers,
+        np.repeat(corners, pieces * samples, axis=0),
+        np.tile(weights.reshape(-1, 3), (count, 1)),
+    )
+    surface = read(points)
+    shape = count, pieces, samples
+    opacity = np.broadcast_to(surface.opacity, count * pieces * samples).reshape(shape)
+    albedo, emission = (
+        np.broadcast_to(part, (count * pieces * samples, 3)).reshape(*shape, 3) * opacity[..., None]
+        for part in (surface.albedo, surface.emission)
+    )
+    albedo, emission, mean = albedo.mean(axis=2), emission.mean(axis=2), opacity.mean(axis=2)
+    whole = _is_one(albedo) & _is_one(emission) & (np.ptp(opacity, axis=(1, 2)) < SAME_ALPHA)
+    world = layers.world[corners]
+    cut = np.einsum("pcx,kxd->kpcd", bounds, world[~whole]).reshape(-1, 3, 3)
+    varies = np.ptp(opacity[~whole], axis=2).reshape(-1) >= SAME_ALPHA
+    grids = opacity[~whole].reshape(-1, samples)
+    cells = [None] * np.count_nonzero(whole) + [
+        grid.astype(np.float32) if of_its_own else None for grid, of_its_own in zip(grids, varies, strict=True)
+    ]
+    albedo, emission, mean = (
+        np.concatenate([part[whole].mean(axis=1), part[~whole].reshape(-1, *part.shape[2:])])
+        for part in (albedo, emission, mean)
+    )
+    solid = np.where(mean > 0, mean, np.inf)[:, None]
+    return np.concatenate([world[whole], cut]), albedo / solid, emission / solid, mean, cells
+
+
+def _is_one(means: Array) -> Array:
+    """(K,) whether the parts (K, P, 3) of a triangle hardly differ."""
+    return (np.ptp(means, axis=1) <= SAME * means.max(axis=(1, 2))[:, None]).all(axis=1)
+
+
+def _cell_corners(steps: int) -> Array:
+    """(steps * steps, 3, 3) barycentric coordinates of the corners of equal parts of a triangle, in Opacity's order."""
+    third = np.rint(cell_centres(steps) * 3 * steps).astype(int)
+    cell, upright = third // 3, (third[:, :1] % 3 == 1).astype(int)
+    around = np.array([[0, 0], [1, 0], [0, 1]])
+    # The others are turned by half a circle.
+    uv = (cell[:, None] + np.where(upright[:, None] == 1, around, 1 - around)) / steps
+    return np.concatenate([1 - uv.sum(axis=2, keepdims=True), uv], axis=2)
+
+
+def _longest(triangles: Array) -> Array:
+    return np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+
+
+def _power_of_two(values: Array) -> Array:
+    return (2 ** np.ceil(np.log2(np.maximum(values, 1)))).astype(int)
