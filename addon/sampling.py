@@ -26,13 +26,15 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 #: Samples along the edge of a triangle at most: of colours, whose mean is wanted, and of alpha, whose edges are.
-MOST_COLOURS, MOST_ALPHA = 16, 128
-#: And where values come from no image, whose pixels tell how fine they are.
+MOST_COLOURS, MOST_ALPHA = 64, 128
+#: Samples along an edge for each pixel of an image there.
+SAMPLES_A_PIXEL = 4
+#: And samples where values come from no image, whose pixels tell how fine they are.
 UNKNOWN = 8
 #: Samples of one material on one mesh at most.
-MOST_SAMPLES = 1 << 22
+MOST_SAMPLES = 1 << 21
 #: Parts that the edge of a triangle is cut into at most.
-MOST_PARTS = 16
+MOST_PARTS = 32
 #: Parts of a triangle that differ by less are not worth a triangle each; alpha that differs by less is a constant.
 SAME, SAME_ALPHA = 0.02, 1 / 512
 #: Samples that are evaluated at a time: bounds memory.
@@ -162,7 +164,7 @@ def _sampled(read: Callable[[Points], Surface], layers: Layers, corners: Array, 
         texels = np.max([_longest(places.reshape(-1, 3, 2)) for places in points.texels], axis=0)
     world = layers.world[corners]
     parts = _power_of_two(np.clip(_longest(world) / detail, 1, MOST_PARTS) / np.sqrt(2))
-    steps = _power_of_two(np.clip(texels / (1 if most == MOST_ALPHA else 2), 1, most))
+    steps = _power_of_two(np.clip(SAMPLES_A_PIXEL * texels, 1, most))
     while (steps**2).sum() > MOST_SAMPLES and steps.max() > 1:
         steps = np.minimum(steps, steps.max() // 2)
     parts = np.minimum(parts, steps)
@@ -172,12 +174,17 @@ def _sampled(read: Callable[[Points], Surface], layers: Layers, corners: Array, 
         size = max(1, CHUNK // (step * step))
         for start in range(0, len(rows), size):
             chosen = corners[rows[start : start + size]]
-            found.append(_parts(read, layers, chosen, part, step // part))
+            found.append(_parts(read, layers, chosen, part, step // part, 2.0**-20 * detail))
     return found
 
 
-def _parts(read: Callable[[Points], Surface], layers: Layers, corners: Array, parts: int, steps: int) -> _Sampled:
-    """Triangles (K, 3), cut along their edges into so many parts, each with the mean of steps * steps samples."""
+def _parts(
+    read: Callable[[Points], Surface], layers: Layers, corners: Array, parts: int, steps: int, grid: float
+) -> _Sampled:
+    """Triangles (K, 3), cut along their edges into so many parts, each with the mean of steps * steps samples.
+
+    grid: new corners have multiples of this as coordinates, m
+    """
     bounds = _cell_corners(parts)
     uv = cell_centres(steps)
     weights = np.einsum("nc,pcx->pnx", np.column_stack([1 - uv.sum(axis=1), uv]), bounds)
@@ -197,11 +204,15 @@ def _parts(read: Callable[[Points], Surface], layers: Layers, corners: Array, pa
     albedo, emission, mean = albedo.mean(axis=2), emission.mean(axis=2), opacity.mean(axis=2)
     whole = _is_one(albedo) & _is_one(emission) & (np.ptp(opacity, axis=(1, 2)) < SAME_ALPHA)
     world = layers.world[corners]
-    cut = np.einsum("pcx,kxd->kpcd", bounds, world[~whole]).reshape(-1, 3, 3)
+    cut = np.einsum("pcx,kxd->kpcd", bounds, world[~whole])
+    # Parts of neighbours have to meet exactly, or they would count as other meshes.
+    between = bounds.max(axis=2) < 1
+    cut[:, between] = np.round(cut[:, between] / grid) * grid
+    cut = cut.reshape(-1, 3, 3)
     varies = np.ptp(opacity[~whole], axis=2).reshape(-1) >= SAME_ALPHA
-    grids = opacity[~whole].reshape(-1, samples)
+    own = opacity[~whole].reshape(-1, samples).astype(np.float32)
     cells = [None] * np.count_nonzero(whole) + [
-        grid.astype(np.float32) if of_its_own else None for grid, of_its_own in zip(grids, varies, strict=True)
+        each if has_own else None for each, has_own in zip(own, varies, strict=True)
     ]
     albedo, emission, mean = (
         np.concatenate([part[whole].mean(axis=1), part[~whole].reshape(-1, *part.shape[2:])])

@@ -8,6 +8,7 @@ is asked for.
 
 import importlib
 import sys
+from collections.abc import Set
 from pathlib import Path
 
 import bpy
@@ -39,7 +40,7 @@ def prepare_cycles(samples: int) -> None:
     bpy.context.scene.cycles.samples = samples
 
 
-def cycles_bake(arrays: object, seed: int) -> np.ndarray:
+def cycles_bake(arrays: object, seed: int, passes: Set[str] = frozenset({"DIRECT", "INDIRECT"})) -> np.ndarray:
     """Irradiance (C, 3) in W/m^2."""
     bpy.context.scene.cycles.seed = seed
     objects = [bpy.data.objects[receiver.object] for receiver in arrays.receivers]
@@ -51,7 +52,7 @@ def cycles_bake(arrays: object, seed: int) -> np.ndarray:
             "Cycles", "FLOAT_COLOR", "CORNER"
         )
         obj.data.color_attributes.active_color = attribute
-    bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT", "INDIRECT"})
+    bpy.ops.object.bake(type="DIFFUSE", pass_filter=set(passes))
     colours = np.zeros((len(arrays.corner_position), 3))
     for receiver, obj in zip(arrays.receivers, objects, strict=True):
         values = np.empty(4 * (receiver.rows.stop - receiver.rows.start), np.float32)

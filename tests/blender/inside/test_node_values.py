@@ -265,6 +265,6 @@ def test_every_chain_gives_what_cycles_gives(both):
         errors = np.abs(ours - cycles) / SCALE
         # Steep operations enlarge what lies between a corner and where Cycles bakes it.
         bad = (errors > allowed * max(np.ptp(cycles) / SCALE / 2, 1)).any(axis=1)
-        if bad.mean() > 0.02:
+        if bad.mean() > 0.04:
             wrong[name] = f"{bad.mean():.0%} of corners, up to {errors.max():.3g}"
     assert not wrong, "\n".join(f"{name}: {what}" for name, what in wrong.items())
