@@ -31,6 +31,9 @@ MAX_EMISSION = 1e20
 #: What shines and blocks nothing has to block so much, or no ray would find it.
 GLOWING = 1 / 16
 
+#: Least share of a shader that is mixed with others: so what is transparent at a place has a colour there all the same.
+TRACE = 1e-6
+
 #: Shaders that reflect all of their colour, and how the socket is called.
 _REFLECTING = {
     "ShaderNodeBsdfDiffuse": "Color",
@@ -62,13 +65,15 @@ class Surface:
 
     albedo (S, 3): share of the light that is reflected, diffuse and specular together; emission (S, 3): radiant
     exitance in W/m^2, pi times the radiance; opacity (S,): share of the light that does not pass straight through.
-    albedo and emission are those of the part that is there: of all of the surface it is `opacity` times as much.
+    colour (S, 3): the same without the specular layer of plastics, by which light is multiplied to be shown
+    All three are those of the part that is there: of all of the surface it is `opacity` times as much.
     remarks: what was left out or replaced, in words
     """
 
     albedo: Array
     emission: Array
     opacity: Array
+    colour: Array
     remarks: tuple[str, ...] = ()
 
 
@@ -79,34 +84,38 @@ def read_material(material: bpy.types.Material | None, points: Points, images: d
     emission is above MAX_EMISSION.
     """
     if material is None:
-        return Surface(GREY, BLACK, ALL)
+        return Surface(GREY, BLACK, ALL, GREY)
     if _without_nodes(material):
         colour = np.array([material.diffuse_color[:3]], float)
-        return Surface(_checked(colour, material, "Base Color"), BLACK, ALL)
+        colour = _checked(colour, material, "Base Color")
+        return Surface(colour, BLACK, ALL, colour)
     socket = _surface_socket(material.node_tree)
     if socket is None or not socket.is_linked:
-        return Surface(GREY, BLACK, ALL, ("has no shader at its Surface output, grey 0.8 is used",))
+        return Surface(GREY, BLACK, ALL, GREY, ("has no shader at its Surface output, grey 0.8 is used",))
     shaders = _Shaders(material, Values(points, images))
     closure = shaders.closure(socket)
     opacity = 1 - np.clip(closure.passes, 0, 1)
-    glows = (closure.emission > 0).any(axis=1)
+    glows = (closure.emission > 10 * TRACE * closure.emission.max()).any(axis=1)
     if (glows & (opacity < GLOWING)).any():
         shaders.remark(f"shines where it is transparent: {GLOWING:.0%} of the light is blocked there")
         opacity = np.where(glows, np.maximum(opacity, GLOWING), opacity)
     solid = np.where(opacity > 0, opacity, np.inf)[:, None]
-    return Surface(closure.albedo / solid, closure.emission / solid, opacity, tuple(shaders.remarks))
+    opacity = np.where(opacity > 10 * TRACE, np.where(opacity < 1 - 10 * TRACE, opacity, 1.0), 0.0)
+    parts = closure.albedo / solid, closure.emission / solid, opacity, closure.colour / solid
+    return Surface(*parts, tuple(shaders.remarks))
 
 
 @dataclass(frozen=True)
 class _Closure:
-    """What shaders together do, over all of the surface: albedo, emission (S, 3), and what passes (S,)."""
+    """What shaders together do, over all of the surface: albedo, emission, colour (S, 3), and what passes (S,)."""
 
     albedo: Array
     emission: Array
     passes: Array
+    colour: Array
 
 
-_NOTHING = _Closure(BLACK, BLACK, NONE)
+_NOTHING = _Closure(BLACK, BLACK, NONE, BLACK)
 
 
 class _Shaders:
@@ -129,25 +138,25 @@ class _Shaders:
             return _NOTHING
         node, kind = source.node, source.node.bl_idname
         if kind == "ShaderNodeMixShader":
-            factor = np.clip(self.number(node, "Fac"), 0, 1)
+            factor = np.clip(self.number(node, "Fac"), TRACE, 1 - TRACE)
             return _sum((1 - factor, self.closure(node.inputs[1])), (factor, self.closure(node.inputs[2])))
         if kind == "ShaderNodeAddShader":
             return _sum((ALL, self.closure(node.inputs[0])), (ALL, self.closure(node.inputs[1])))
         if kind == "ShaderNodeBsdfTransparent":
-            return _Closure(BLACK, BLACK, self.colour(node, "Color").mean(axis=1))
+            return _Closure(BLACK, BLACK, self.colour(node, "Color").mean(axis=1), BLACK)
         if kind == "ShaderNodeEmission":
-            return _Closure(BLACK, self.emission(node, "Color", "Strength"), NONE)
+            return _Closure(BLACK, self.emission(node, "Color", "Strength"), NONE, BLACK)
         if kind == "ShaderNodeBsdfPrincipled":
             return self.principled(node)
         if kind in _REFLECTING:
-            return _Closure(self.colour(node, _REFLECTING[kind]), BLACK, NONE)
+            return _reflecting(self.colour(node, _REFLECTING[kind]))
         if kind == "ShaderNodeBsdfTranslucent":
             self.remark(f"shader '{node.name}' is taken as diffuse reflection")
-            return _Closure(self.colour(node, "Color"), BLACK, NONE)
+            return _reflecting(self.colour(node, "Color"))
         if kind == "ShaderNodeHoldout":
             return _NOTHING
         self.remark(f"shader '{node.name}' is not simulated, grey 0.8 is used")
-        return _Closure(GREY, BLACK, NONE)
+        return _reflecting(GREY)
 
     def principled(self, node: bpy.types.Node) -> _Closure:
         """The specular layer reflects its mean share, what it lets through the base reflects; metal reflects it all."""
@@ -165,8 +174,9 @@ class _Shaders:
             if socket is not None and (socket.is_linked or socket.default_value > 0):
                 self.remark(f"{name} is not simulated, {instead}")
         albedo, emission = (1 - metallic) * plastic + metallic * metal, self.emission(node, *_PRINCIPLED_EMISSION)
-        opacity = np.clip(self.number(node, "Alpha"), 0, 1)
-        return _sum((opacity, _Closure(albedo, emission, NONE)), (1 - opacity, _Closure(BLACK, BLACK, ALL)))
+        opacity = np.clip(self.number(node, "Alpha"), TRACE, 1)
+        solid, clear = _Closure(albedo, emission, NONE, base), _Closure(BLACK, BLACK, ALL, BLACK)
+        return _sum((opacity, solid), (1 - opacity, clear))
 
     def emission(self, node: bpy.types.Node, colour: str, strength: str) -> Array:
         """Radiant exitance (S, 3) in W/m^2 of a colour and a strength socket, whose product is a radiance."""
@@ -205,11 +215,17 @@ class _Shaders:
 _PRINCIPLED_EMISSION = "Emission Color", "Emission Strength"
 
 
+def _reflecting(colour: Array) -> _Closure:
+    return _Closure(colour, BLACK, NONE, colour)
+
+
 def _sum(*parts: tuple[Array, _Closure]) -> _Closure:
     """Closures added up, each times a weight (S,)."""
-    albedo = sum(weight[:, None] * closure.albedo for weight, closure in parts)
-    emission = sum(weight[:, None] * closure.emission for weight, closure in parts)
-    return _Closure(albedo, emission, sum(weight * closure.passes for weight, closure in parts))
+    albedo, emission, colour = (
+        sum(weight[:, None] * getattr(closure, name) for weight, closure in parts)
+        for name in ("albedo", "emission", "colour")
+    )
+    return _Closure(albedo, emission, sum(weight * closure.passes for weight, closure in parts), colour)
 
 
 def mean_reflectance(level: Array, ior: Array) -> Array:

@@ -37,6 +37,8 @@ MOST_SAMPLES = 1 << 21
 MOST_PARTS = 32
 #: Parts of a triangle that differ by less are not worth a triangle each; alpha that differs by less is a constant.
 SAME, SAME_ALPHA = 0.02, 1 / 512
+#: What is less of light counts as nothing.
+DARK = 1e-4
 #: Samples that are evaluated at a time: bounds memory.
 CHUNK = 1 << 18
 
@@ -48,7 +50,7 @@ class Painted:
     triangles (T', 3, 3): those of the mesh that have an area, in world space, some of them in parts
     albedo (T', 3), emission (T', 3) W/m^2, opacity (T',), one_sided (T',): as `fmm_core.Scene` and `Opacity` have
     them; opacity_cells: one array of n * n cells for each triangle, or None where it has a constant
-    corner_albedo, corner_emission (C, 3): at the corners of the mesh; remarks: by material
+    corner_albedo, corner_emission (C, 3): colour and emission at the corners of the mesh; remarks: by material
     """
 
     triangles: Array
@@ -117,22 +119,23 @@ class Painter:
                 self.constants[material] = surface, one_sided, remarks
         painted.remarks += [(material, text) for text in remarks]
         if surface is not None:
-            painted.corner_albedo[at], painted.corner_emission[at] = surface.albedo, surface.emission
+            painted.corner_albedo[at], painted.corner_emission[at] = surface.colour, surface.emission
             self._extend(painted, layers.world[own], one_sided, *(np.repeat(part, len(own), axis=0) for part in
                          (surface.albedo, surface.emission, surface.opacity)), [None] * len(own))  # fmt: skip
             return
         at_corners = read_material(material, Points(layers, at[:, None], np.ones((len(at), 1))), self.images)
-        painted.corner_albedo[at], painted.corner_emission[at] = at_corners.albedo, at_corners.emission
+        painted.corner_albedo[at], painted.corner_emission[at] = at_corners.colour, at_corners.emission
         for found in _sampled(lambda points: read_material(material, points, self.images), layers, own, self.detail):
             self._extend(painted, found[0], one_sided, *found[1:])
 
     def _sides(self, material: bpy.types.Material, front: Surface, points: Points) -> tuple[bool, tuple[str, ...]]:
         """Whether a material that asks which side it is seen from is dark at its back; and a remark if it cannot be."""
         back = read_material(material, Points(points.layers, points.corners, points.weights, back=True), self.images)
-        if not (back.albedo.any() or back.emission.any()) and (back.opacity == front.opacity).all():
+        dark = back.albedo.max() < DARK and back.emission.max() <= DARK * front.emission.max()
+        if dark and np.allclose(back.opacity, front.opacity):
             return True, ()
-        same = all(np.array_equal(getattr(front, name), getattr(back, name)) for name in
-                   ("albedo", "emission", "opacity"))  # fmt: skip
+        names = "albedo", "emission", "opacity"
+        same = all(np.allclose(getattr(front, name), getattr(back, name), rtol=DARK) for name in names)
         return False, () if same else ("its back differs from its front, which is used on both sides",)
 
     def _extend(

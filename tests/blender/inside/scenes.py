@@ -69,7 +69,7 @@ class Build:
         """A coloured floor, a cube on it, and a lamp above."""
         self.quad("Lamp", self.light("Glow", (3.0, 2.0, 1.0)), z=2.0, down=True)
         red = self.material("Red", Color=(0.7, 0.2, 0.1))
-        blue = self.material("Blue", "ShaderNodeBsdfPrincipled", Base_Color=(0.1, 0.3, 0.8), Specular_IOR_Level=0.0)
+        blue = self.material("Blue", "ShaderNodeBsdfPrincipled", Base_Color=(0.1, 0.3, 0.8))
         floor = [(x, y, 0.0) for y in range(-1, 3) for x in range(-1, 3)]
         faces = [(4 * j + i, 4 * j + i + 1, 4 * j + i + 5, 4 * j + i + 4) for j in range(3) for i in range(3)]
         self.object("Floor", floor, faces, red, blue, slots=[i % 2 for i in range(9)])

@@ -24,7 +24,8 @@ def bake():
 
 def blacken():
     bpy.data.materials["Red"].node_tree.nodes["Diffuse BSDF"].inputs["Color"].default_value = (0, 0, 0, 1)
-    bpy.data.materials["Blue"].node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0, 0, 0, 1)
+    blue = bpy.data.materials["Blue"].node_tree.nodes["Principled BSDF"].inputs
+    blue["Base Color"].default_value, blue["Specular IOR Level"].default_value = (0, 0, 0, 1), 0.0
 
 
 def test_light_alone_times_base_colour_is_the_full_colour(build, settings):
