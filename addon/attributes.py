@@ -25,7 +25,8 @@ class Output:
 
     name: of the attribute; content: "FULL" radiance, or the "LIGHTING" or "INDIRECT" light alone; domain: "POINT" or
     "CORNER", or "AUTO" for the smaller one without loss; byte: 8 bits a channel, cut at white, in place of floats;
-    exposure: stops that bytes are made brighter by
+    exposure: stops that bytes are made brighter by; colours: "FIT" to the light on the faces, or that at the "POINTS"
+    where the vertices are
     """
 
     name: str = NAME
@@ -33,6 +34,7 @@ class Output:
     domain: str = "AUTO"
     byte: bool = False
     exposure: float = 0.0
+    colours: str = "FIT"
 
 
 def check(receivers: Sequence[Receiver], output: Output) -> None:

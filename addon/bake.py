@@ -76,14 +76,15 @@ def bake(
     return write(compute(read(context, keep), settings, progress, session))
 
 
-def read(context: bpy.types.Context, keep: bool = False) -> Input:
+def read(context: bpy.types.Context, keep: bool = False, colours: str | None = None) -> Input:
     """Read the scene of a context as its settings say, and check already here that its meshes can be written.
 
     keep: what rays find is kept in a file beside the .blend, and taken from there if it is of the same geometry.
+    colours: as in `Output`, or None for what the scene says.
     """
     from . import properties
 
-    start, output = time.perf_counter(), properties.output_of(context.scene)
+    start, output = time.perf_counter(), properties.output_of(context.scene, colours)
     arrays = export.read(context, context.scene.fmm_radiosity.scope)
     attributes.check(arrays.receivers, output)
     blend, kept, warnings = context.blend_data.filepath, None, ()
@@ -122,11 +123,17 @@ def compute(
     points = fmm_core.output_points(
         arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangle_centre
     )
-    irradiance = solution.irradiance(points.points, points.normals, _part(progress, 0.8, 1.0))
+    fit = None
+    if data.output.colours == "FIT":
+        fit = fmm_core.VertexFit(points, arrays.corner_position, arrays.corner_normal, arrays.corner_triangles)
+    found, effort = (points, 1.0) if fit is None else (fit, fit.effort)
+    irradiance = solution.irradiance(found.points, found.normals, _part(progress, 0.8, 1.0), effort)
     if data.output.content == "INDIRECT":
         # Black surfaces send nothing on: what is left is direct.
         black = solution.relight(albedo=np.zeros_like(arrays.albedo))
-        irradiance = np.maximum(irradiance - black.irradiance(points.points, points.normals), 0.0)
+        irradiance = np.maximum(irradiance - black.irradiance(found.points, found.normals, effort=effort), 0.0)
+    if fit is not None:
+        irradiance = fit.values(irradiance, solution.sight(fit))
     if session is not None:
         session.solution = solution
     _save(solution.kept, data.kept, warnings)

@@ -104,6 +104,8 @@ def _parser() -> _Parser:
     add("--rays", type=int, help="about how many shadow rays a colour, less grain for more (default: as in the scene)")
     add("--keep-visibility", action="store_true", help=f"save what sees what in a {bake.KEPT_SUFFIX} beside the scene: "
         "faster bakes with other lights and colours")  # fmt: skip
+    add("--colours", choices=("fit", "points"), help="fit: colours that match the light on the faces best; points: the "
+        "light at the vertices themselves (default: as in the scene)")  # fmt: skip
     add("--report", type=_file, help="also write numbers and warnings to this .json file")
     add("--preview", type=_file, help=f"also render a picture of {preview.SIZE} x {preview.SIZE} to this .png file")
     return parser
@@ -132,7 +134,8 @@ def _run(options: argparse.Namespace) -> dict:
     _leave_edit_mode()
     context = bpy.context
     settings = properties.settings_of(context.scene, **_chosen(options))
-    data = bake.read(context, options.keep_visibility or context.scene.fmm_radiosity.keep_visibility)
+    keep = options.keep_visibility or context.scene.fmm_radiosity.keep_visibility
+    data = bake.read(context, keep, options.colours and options.colours.upper())
     done = bake.write(bake.compute(data, settings, _progress()))
     _write_files(options, done, data.arrays.corner_position)
     return done

@@ -55,7 +55,7 @@ class SceneArrays:
     opacity of the triangles.
     corner_* describe the C corners of all receivers, in mesh order: position (C,3) m, normal (C,3) unit, vertex (C,)
     int unique over the scene, triangle_centre (C,3) m of the largest triangle at the corner, albedo (C,3), and
-    emission (C,3) W/m^2.
+    emission (C,3) W/m^2. corner_triangles (R,3) are the corners of each triangle that the receivers are drawn with.
     """
 
     triangles: np.ndarray
@@ -69,6 +69,7 @@ class SceneArrays:
     corner_triangle_centre: np.ndarray
     corner_albedo: np.ndarray
     corner_emission: np.ndarray
+    corner_triangles: np.ndarray
     receivers: tuple[Receiver, ...]
     warnings: tuple[str, ...]
 
@@ -240,6 +241,7 @@ class _Reader:
             corner_triangle_centre=triangle_centres(mesh, world.position),
             corner_albedo=painted.corner_albedo,
             corner_emission=painted.corner_emission,
+            corner_triangles=mesh.triangle_corners + self.corners,
         )
         rows = slice(self.corners, self.corners + count)
         self.receivers.append(

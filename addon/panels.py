@@ -73,7 +73,7 @@ class _Output:
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what is baked, and what is written."""
-        _draw_settings(self.layout, context, "scope", "content", "attribute_name", "domain", "byte")
+        _draw_settings(self.layout, context, "scope", "content", "colours", "attribute_name", "domain", "byte")
         if context.scene.fmm_radiosity.byte:
             _draw_settings(self.layout, context, "exposure")
         _draw_settings(self.layout, context, "keep_visibility")

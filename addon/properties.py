@@ -96,6 +96,15 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
         ),
         default="FULL",
     )  # fmt: skip
+    colours: bpy.props.EnumProperty(
+        name="Colours",
+        description="How the light becomes colours",
+        items=(
+            ("FIT", "Fitted", "Colours that match the light on the faces best: clean edges along contacts and shadows"),
+            ("POINTS", "At Vertices", "The light exactly where each vertex is, as Cycles bakes it"),
+        ),
+        default="FIT",
+    )
     domain: bpy.props.EnumProperty(
         name="Domain",
         description="Where the colours are kept",
@@ -135,10 +144,12 @@ def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Setting
     return fmm_core.Settings(**(values | overrides))
 
 
-def output_of(scene: bpy.types.Scene) -> attributes.Output:
-    """What a bake of a scene writes."""
+def output_of(scene: bpy.types.Scene, colours: str | None = None) -> attributes.Output:
+    """What a bake of a scene writes; colours in place of the scene's own."""
     own = scene.fmm_radiosity
-    return attributes.Output(own.attribute_name, own.content, own.domain, own.byte, own.exposure)
+    return attributes.Output(
+        own.attribute_name, own.content, own.domain, own.byte, own.exposure, colours or own.colours
+    )
 
 
 def register() -> None:

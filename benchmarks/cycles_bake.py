@@ -86,10 +86,15 @@ class Mesh:
     def vertex_count(self) -> int:
         return int(self.corner_vertices.max()) + 1
 
+    @property
+    def triangles(self) -> NDArray[np.int64]:
+        """(T, 3) corners of the triangles that the faces are cut into."""
+        cuts = np.array([[0, i, i + 1] for i in range(1, self.faces.shape[1] - 1)])
+        return (np.arange(len(self.faces))[:, None, None] * self.faces.shape[1] + cuts).reshape(-1, 3)
+
     def scene(self) -> Scene:
         """The same faces, cut into triangles."""
-        cuts = self.faces.shape[1] - 2
-        triangles = np.stack([self.faces[:, [0, i, i + 1]] for i in range(1, cuts + 1)], axis=1).reshape(-1, 3, 3)
+        cuts, triangles = self.faces.shape[1] - 2, self.corners[self.triangles]
         return Scene(triangles, np.repeat(self.albedo, cuts, axis=0), np.repeat(self.emission, cuts))
 
     def output_points(self) -> OutputPoints:

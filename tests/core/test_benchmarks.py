@@ -45,3 +45,11 @@ def test_comparison_says_in_one_line_what_is_missing():
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
     assert "fmm3dpy is missing" in done.stderr
+
+
+def test_fitted_colours_are_nearer_to_the_light_on_the_faces_than_those_at_vertices():
+    done = run("vertex_fit", "--json")
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)
+    assert len(rows) == 2
+    assert all(0 < row["fit_l2_error"] < 0.85 * row["points_l2_error"] < 0.1 for row in rows)

@@ -23,7 +23,7 @@ def main(scene: str, samples: int, seeds: int, out: str) -> None:
     bpy.ops.wm.open_mainfile(filepath=scene)
     bake = importlib.import_module("fmm_radiosity.addon.bake")
     settings = importlib.import_module("fmm_core").Settings()
-    data = bake.read(bpy.context)
+    data = bake.read(bpy.context, colours="POINTS")
     result = bake.compute(data, settings)
     reflected = np.pi * result.colours - data.arrays.corner_emission
     ours = reflected / np.maximum(data.arrays.corner_albedo, 1e-9)

@@ -3,6 +3,7 @@
 
 from .errors import Cancelled, Error
 from .evaluation import OutputPoints, output_points
+from .fit import Sight, VertexFit
 from .kept import KeptVisibility
 from .opacity import Opacity
 from .scene import MAX_ALBEDO, Scene
@@ -19,7 +20,9 @@ __all__ = [
     "OutputPoints",
     "Scene",
     "Settings",
+    "Sight",
     "Solution",
+    "VertexFit",
     "output_points",
     "solve",
 ]

@@ -35,6 +35,7 @@ class DirectSpace:
         normals: NDArray[np.float64],
         radiosity: NDArray[np.float64],
         tick: Tick = silent,
+        effort: float = 1.0,
     ) -> NDArray[np.float64]:
         size = max(64, BLOCK_PAIRS // len(self.sums.particles))
         if self._gathered is not None:

@@ -21,6 +21,8 @@ LEAF_POINTS, LEAF_PARTICLES = 64, 20_000
 EXCHANGE_SHARE = 4
 #: Particles from which on single ones matter even less.
 MANY = 20_000
+#: Nothing has fewer rays than these.
+LEAST_RAYS = 10.0
 
 
 class MultipoleSpace:
@@ -42,28 +44,33 @@ class MultipoleSpace:
         self.counts: dict[str, int] = {}
         self.pairs = (0, 0, 0)
         self.occlusion_seconds, self.open = 0.0, True
-        self._gathered: tuple[Points, Points, Operator] | None = None
+        self._gathered: tuple[Points, Points, float, Operator] | None = None
 
     def exchange(self, tick: Tick = silent) -> Operator:
         tick(0.0)
         points, normals = self.sums.particles.positions, self.sums.particles.normals
-        fmm, correction = self._fmm(None, points, normals, tick)
+        fmm, correction = self._fmm(None, points, normals, self._exchange_rays(), tick)
         self.counts, self.pairs = fmm.counts(), fmm.outcomes()
         return Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
 
-    def gather(self, points: Points, normals: Points, radiosity: Points, tick: Tick = silent) -> Points:
+    def gather(
+        self, points: Points, normals: Points, radiosity: Points, tick: Tick = silent, effort: float = 1.0
+    ) -> Points:
         if len(points) == 0:
             return np.zeros((0, 3))
-        if self._gathered is None or not _same(self._gathered, points, normals):
-            fmm, correction = self._fmm((points, normals), points, normals, tick)
+        rays = max(LEAST_RAYS, effort * self._settings.rays)
+        if self._gathered is None or not _same(self._gathered, points, normals, rays):
+            fmm, correction = self._fmm((points, normals), points, normals, rays, tick)
             operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
-            self._gathered = points.copy(), normals.copy(), operator
-        return self._gathered[2].apply(radiosity)
+            self._gathered = points.copy(), normals.copy(), rays, operator
+        return self._gathered[3].apply(radiosity)
 
     def _fmm(
-        self, targets: tuple[Points, Points] | None, points: Points, normals: Points, tick: Tick
+        self, targets: tuple[Points, Points] | None, points: Points, normals: Points, rays: float, tick: Tick
     ) -> tuple[_binding.Fmm, _binding.Correction]:
-        """The sum at the targets, None for the particles themselves, and what corrects it near patches."""
+        """The sum at the targets, None for the particles themselves, by about so many rays each, and what
+        corrects it near patches.
+        """
         particles, settings = self.sums.particles, self._settings
         occlusion = self.sums.occlusion
         fmm = _binding.Fmm(
@@ -80,14 +87,14 @@ class MultipoleSpace:
         )
         tick(0.1)
         start = time.perf_counter()
-        occluded = self._occlude(fmm, len(points), targets is None, tick)
+        occluded = self._occlude(fmm, len(points), rays, tick)
         self.occlusion_seconds = time.perf_counter() - start
         self.open = self.open and not occluded
         if not occluded:
             return fmm, self.sums.correction(points, normals, open_space=True)
         return fmm, self.sums.correction(points, normals, fmm=fmm)
 
-    def _occlude(self, fmm: _binding.Fmm, points: int, exchange: bool, tick: Tick) -> bool:
+    def _occlude(self, fmm: _binding.Fmm, points: int, rays: float, tick: Tick) -> bool:
         """Reduces the lists of a sum to visible ones; false where nothing can be in the way."""
         particles, occlusion = self.sums.particles, self.sums.occlusion
         if occlusion is not None and self._settings.visibility == "cells":
@@ -97,20 +104,22 @@ class MultipoleSpace:
             return False
         tick(0.2)
         weights, radii = particles.visibility_weights, particles.of_points(particles.radii)
-        effort = self._effort(exchange)
+        effort = _effort(rays)
         occlusion.occlude(fmm, (particles.weights, weights, self.sums.reach, self.sums.coarse, radii), effort)
         occlusion.trace(fmm, self.sums.surface, points, effort[-1], tick)
         return True
 
-    def _effort(self, exchange: bool) -> tuple[float, float, float, float, int]:
-        """Effort for visibility, as `VisibilityOptions` of the core has it."""
-        rays = self._settings.rays
-        if exchange:
-            # What single particles get wrong averages out in what they send.
-            rays = max(10.0, rays / EXCHANGE_SHARE * min(1.0, MANY / len(self.sums.particles)) ** 0.5)
-        runs = min(1.0, (200 / rays) ** 0.5)
-        return 0.8 / rays, 0.4, 0.8 * runs, 0.1 * runs, round(2 * rays)
+    def _exchange_rays(self) -> float:
+        """Rays of a particle: what single ones get wrong averages out in what they send."""
+        share = min(1.0, MANY / len(self.sums.particles)) ** 0.5 / EXCHANGE_SHARE
+        return max(LEAST_RAYS, share * self._settings.rays)
 
 
-def _same(gathered: tuple[Points, Points, Operator], points: Points, normals: Points) -> bool:
-    return np.array_equal(gathered[0], points) and np.array_equal(gathered[1], normals)
+def _effort(rays: float) -> tuple[float, float, float, float, int]:
+    """Effort for visibility, as `VisibilityOptions` of the core has it."""
+    runs = min(1.0, (200 / rays) ** 0.5)
+    return 0.8 / rays, 0.4, 0.8 * runs, 0.1 * runs, round(2 * rays)
+
+
+def _same(gathered: tuple[Points, Points, float, Operator], points: Points, normals: Points, rays: float) -> bool:
+    return np.array_equal(gathered[0], points) and np.array_equal(gathered[1], normals) and gathered[2] == rays

@@ -148,7 +148,7 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
 
 def strong_emitters(scene: Scene) -> NDArray[np.bool_]:
     """(T,) which triangles emit more than the mean over the scene: where all surfaces emit, none stands out."""
-    areas = _areas(scene.triangles)
+    areas = triangle_areas(scene.triangles)
     emission = scene.emission.sum(axis=1)
     return emission > 1.5 * (emission * areas).sum() / areas.sum()
 
@@ -175,7 +175,7 @@ def _kinds(scene: Scene) -> NDArray[np.float64]:
 
 
 def _solid(scene: Scene) -> NDArray[np.float64]:
-    areas = _areas(scene.triangles)
+    areas = triangle_areas(scene.triangles)
     return areas if scene.opacity is None else areas * scene.opacity.mean
 
 
@@ -211,7 +211,7 @@ def _normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     return cross / np.linalg.norm(cross, axis=1, keepdims=True)
 
 
-def _areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+def triangle_areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     return np.linalg.norm(cross, axis=1) / 2
 
@@ -232,9 +232,9 @@ def _grouped(scene: Scene, cut: _Cut, single: NDArray[np.bool_], wanted: float, 
     fine = np.flatnonzero((cut.edges[:count] < 0) & ~single)
     if len(fine) == 0:
         return cut
-    area = _areas(scene.triangles[fine])
+    area = triangle_areas(scene.triangles[fine])
     kinds = np.unique(_kinds(scene)[fine], return_inverse=True)[1].astype(np.uint32)
-    share = area.sum() / _areas(scene.triangles).sum()
+    share = area.sum() / triangle_areas(scene.triangles).sum()
     group = _binding.group(np.ascontiguousarray(scene.triangles[fine]), kinds, max(1, round(wanted * share)))
 
     areas = np.bincount(group, area)
@@ -273,7 +273,7 @@ def _grouped(scene: Scene, cut: _Cut, single: NDArray[np.bool_], wanted: float, 
 
 def _edge_limits(scene: Scene, patch_count: float) -> NDArray[np.float64]:
     """(T,) longest edge that a patch of each triangle may have, so that about `patch_count` patches come out."""
-    areas = _areas(scene.triangles)
+    areas = triangle_areas(scene.triangles)
     power = areas * scene.emission.sum(axis=1)
     share = (1 - EMITTER_SHARE) * areas / areas.sum() + EMITTER_SHARE * power / power.sum()
     # A right isosceles triangle of longest edge h has the area h^2 / 4; bisection makes them half as large on average.
@@ -300,10 +300,10 @@ def _cut(scene: Scene, limits: NDArray[np.float64], contacts: Contacts) -> _Cut:
         nodes, patch_count = nodes + len(todo), patch_count + len(patches[-1])
         below = np.where(met[:, None], contacts.parts[contact].astype(np.int64), -1)
         contact = below[large].T.ravel()
-        todo, owner = _bisect(todo[large], edge[large], fraction[large]), np.tile(owner[large], 2)
+        todo, owner = bisect(todo[large], edge[large], fraction[large]), np.tile(owner[large], 2)
     patches = np.concatenate(patches)
     centroids = patches.mean(axis=1, keepdims=True)
-    triangle, areas = np.concatenate(owners), _areas(patches)
+    triangle, areas = np.concatenate(owners), triangle_areas(patches)
     return _Cut(
         patches=patches,
         triangle=triangle,
@@ -337,7 +337,7 @@ def _numbered(large: NDArray[np.bool_], nodes: int, patches: int) -> NDArray[np.
     return parts
 
 
-def _bisect(
+def bisect(
     triangles: NDArray[np.float64], edge: NDArray[np.int64], fraction: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Both halves (2T, 3, 3) of each triangle, cut at the given share of the given edge."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from .accuracy import measure
 from .arrays import finite_rows, unit_rows
 from .errors import Error, memory_errors
+from .fit import Sight, VertexFit, clear_sight
 from .iteration import ITERATIONS
 from .kept import KeptVisibility
 from .multipole import MultipoleSpace
@@ -48,9 +49,11 @@ class Solution:
         self._space, self._exchange, self._report, self._relit = space, exchange, report, relit
 
     def irradiance(
-        self, points: ArrayLike, normals: ArrayLike, progress: Progress | None = None
+        self, points: ArrayLike, normals: ArrayLike, progress: Progress | None = None, effort: float = 1.0
     ) -> NDArray[np.float64]:
         """Irradiance (M, 3) in W/m^2 at points (M, 3) with normals (M, 3), which are made unit length.
+
+        effort: the share of the rays that the settings give each point, where several points are averaged afterwards.
 
         A point on an edge lies on several surfaces and may be blocked by any of them: step it inside first.
         progress(fraction, text) as in `solve`. Raises `Error` naming the row on a shape or value that is wrong.
@@ -61,7 +64,7 @@ class Solution:
         points = points - self.scene.origin
         with memory_errors(), self._report.time("evaluate"):
             irradiance = self._space.gather(
-                points, normals, self.radiosity, ticker(progress, 0.0, 1.0, "Gathering light")
+                points, normals, self.radiosity, ticker(progress, 0.0, 1.0, "Gathering light"), effort
             )
         self._report.counts["output_points"] = len(points)
         if self._is_measured(len(points)):
@@ -72,6 +75,16 @@ class Solution:
         self._report.counts["rays"] = self._space.sums.rays - self._report.traced
         self._report.kept |= self._space.sums.replayed > 0
         return irradiance
+
+    def sight(self, fit: VertexFit) -> Sight:
+        """What other objects do to the samples of a fit; asked once for the same samples, also after `relight`."""
+        with memory_errors(), self._report.time("evaluate"):
+            if isinstance(self._space, MultipoleSpace) and self._space.open:
+                return clear_sight(len(fit.points))
+            origin = self.scene.origin
+            found = self._space.sums.sight(fit.points - origin, fit.normals, fit.corners - origin)
+        self._report.counts["rays"] = self._space.sums.rays - self._report.traced
+        return found
 
     def _is_measured(self, count: int) -> bool:
         """Once a solve, unless it shall trace no ray; the direct method is what others are measured by."""

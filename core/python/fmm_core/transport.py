@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from . import _binding
 from .arrays import ROUNDING
+from .fit import Sight, clear_sight, find_sight
 from .particles import Particles
 from .progress import Tick, silent
 from .visibility import Occlusion
@@ -54,8 +55,9 @@ class Space(Protocol):
         normals: NDArray[np.float64],
         radiosity: NDArray[np.float64],
         tick: Tick = silent,
+        effort: float = 1.0,
     ) -> NDArray[np.float64]:
-        """Irradiance (M, 3) at any points."""
+        """Irradiance (M, 3) at any points, by this share of the rays of the settings if rays are drawn at random."""
 
 
 class Sums:
@@ -66,6 +68,7 @@ class Sums:
 
     def __init__(self, particles: Particles, occlusion: Occlusion | None, near_reach: float) -> None:
         self.particles, self.occlusion, self.near_reach = particles, occlusion, near_reach
+        self._sight: tuple[NDArray[np.float64], Sight] | None = None
         # A group of triangles has no exact form factor: what is so near is found by rays.
         self._reach = (1 + ROUNDING) * near_reach * particles.radii * particles.whole
         self.sources = _binding.Sources(
@@ -96,6 +99,14 @@ class Sums:
     def replayed(self) -> int:
         """Rays so far whose answers were kept."""
         return self.occlusion.replayed if self.occlusion else 0
+
+    def sight(self, points: NDArray[np.float64], normals: NDArray[np.float64], corners: NDArray[np.float64]) -> Sight:
+        """As `find_sight`; those that were asked for last are kept."""
+        if self.occlusion is None:
+            return clear_sight(len(points))
+        if self._sight is None or not np.array_equal(self._sight[0], points):
+            self._sight = points, find_sight(self.occlusion, points, normals, corners)
+        return self._sight[1]
 
     def correction(
         self,

@@ -33,6 +33,7 @@ def test_code_comes_from_the_zip():
 
 def test_colours_are_radiance_at_the_output_points(build, fmm, read):
     build.room()
+    bpy.context.scene.fmm_radiosity.colours = "POINTS"
     assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
     arrays = read()
     scene = fmm_core.Scene(arrays.triangles, arrays.albedo, arrays.emission, arrays.two_sided)
@@ -47,6 +48,29 @@ def test_colours_are_radiance_at_the_output_points(build, fmm, read):
         colours = baked(bpy.data.meshes[receiver.mesh])
         assert np.allclose(colours[:, :3], expected[receiver.rows], rtol=1e-6, atol=1e-7)
         assert (colours[:, 3] == 1).all()
+
+
+def test_colours_are_fitted_to_the_light_on_the_faces(build, command, read, tmp_path):
+    build.room()
+    arrays, solutions = read(), {}
+    points = fmm_core.output_points(
+        arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangle_centre
+    )
+    fit = fmm_core.VertexFit(points, arrays.corner_position, arrays.corner_normal, arrays.corner_triangles)
+    scene = fmm_core.Scene(arrays.triangles, arrays.albedo, arrays.emission, arrays.two_sided)
+    solution = fmm_core.solve(scene, SETTINGS)
+    solutions["points"] = solution.irradiance(points.points, points.normals)
+    solutions["fit"] = fit.values(solution.irradiance(fit.points, fit.normals, effort=fit.effort), solution.sight(fit))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"))
+    for name, irradiance in solutions.items():
+        out = tmp_path / f"{name}.blend"
+        assert command("bake", tmp_path / "room.blend", "-o", out, "--colours", name) == (0, [])
+        bpy.ops.wm.open_mainfile(filepath=str(out))
+        expected = (arrays.corner_emission + arrays.corner_albedo * irradiance[points.inverse]) / math.pi
+        for receiver in arrays.receivers:
+            colours = baked(bpy.data.meshes[receiver.mesh])
+            assert np.allclose(colours[:, :3], expected[receiver.rows], rtol=1e-5, atol=1e-6)
+    assert np.abs(solutions["fit"] - solutions["points"]).max() > 0.01
 
 
 def test_operator_and_command_line_agree(build, command, tmp_path):

@@ -14,6 +14,8 @@ from scenes import baked
 def settings(empty):
     own = bpy.context.scene.fmm_radiosity
     own.particles = 300
+    # Fits of different samples, and their limits, would differ a little.
+    own.colours = "POINTS"
     return own
 
 
