@@ -27,8 +27,8 @@ BURIED = 1e-4
 OVERSHOOT = 0.1
 #: How far a sample is lifted off its triangle at most where normals are smooth, in lengths of the longest edge.
 LIFT = 0.1
-#: Samples for each output point that have as many rays together as makes a fitted colour as smooth as one at a vertex.
-FULL_EFFORT = 3.0
+#: All samples together have so many times the rays that the output points would have: they are averaged.
+FULL_EFFORT = 1.5
 #: Conjugate gradients end at this residual, relative to the right-hand side, or after so many steps.
 TOLERANCE, MOST_STEPS = 1e-4, 200
 
