@@ -26,6 +26,8 @@ _PROBE_RAYS = 4096
 _PARTICLES, _FEW = (1200, 20_000), 5000
 #: A particle is given this part of the rays of a colour.
 _PARTICLE_SHARE = 0.25
+#: A fit looks from so many samples a vertex, with so many times the rays of the vertex together.
+_SAMPLES, _FIT_RAYS = 6, 1.5
 #: Rays a second and core; seconds and MiB that every bake takes; KiB a vertex.
 _RATE, _LEAST_SECONDS, _LEAST_MIB, _KIB = 2.5e6, 0.3, 150, 2.5
 
@@ -44,18 +46,21 @@ def of_scene(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> Cost:
     """The expected cost of a bake of a scene."""
     from . import properties
 
-    return predict(export.count_vertices(layer), properties.settings_of(scene), session.pace)
+    fitted = properties.output_of(scene).colours == "FIT"
+    return predict(export.count_vertices(layer), properties.settings_of(scene), fitted, session.pace)
 
 
-def predict(vertices: int, settings: fmm_core.Settings, pace: float = 1.0) -> Cost:
-    """The expected cost for so many vertices; pace: how much longer bakes take here than this model has it."""
+def predict(vertices: int, settings: fmm_core.Settings, fitted: bool, pace: float = 1.0) -> Cost:
+    """The expected cost for so many vertices; fitted: whether colours are; pace: how much longer bakes take here than
+    this model has it.
+    """
     triangles = 2 * vertices
     particles = settings.particles or min(max(_PARTICLES[0], triangles), _PARTICLES[1])
     if settings.method != "fmm" and max(particles, triangles) <= _FEW:
         # Half of all pairs face each other, and of two particles one asks for both.
-        rays = particles * (vertices + particles / 2) / 2
+        rays = particles * (_SAMPLES * vertices if fitted else vertices) / 2 + particles**2 / 4
     else:
-        rays = _RAYS_PER_RAY * settings.rays * (vertices + _PARTICLE_SHARE * particles)
+        rays = _RAYS_PER_RAY * settings.rays * (vertices * (_FIT_RAYS if fitted else 1) + _PARTICLE_SHARE * particles)
         rays += settings.probes * _PROBE_RAYS
     seconds = pace * (_LEAST_SECONDS + rays / (_RATE * (os.cpu_count() or 1)))
     return Cost(vertices, round(rays), seconds, round(_LEAST_MIB + _KIB * vertices / 1024))
