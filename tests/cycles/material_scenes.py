@@ -161,7 +161,7 @@ def main(name: str, samples: int, out: str) -> None:
     make()
     bpy.context.scene.fmm_radiosity.content = content
     bake = importlib.import_module("fmm_radiosity.addon.bake")
-    data = bake.read(bpy.context)
+    data = bake.read(bpy.context, colours="POINTS")
     assert not data.arrays.warnings, data.arrays.warnings
     result = bake.compute(data, importlib.import_module("fmm_core").Settings(**effort))
     rows = next(receiver.rows for receiver in data.arrays.receivers if receiver.object == "Floor")
