@@ -180,22 +180,31 @@ class _Reader:
         obj = instance.object
         if obj.type == "LIGHT" and obj.data.energy > 0:
             self.remark(f"light '{obj.name}' ({obj.data.type}) is not simulated yet: left out")
-        if obj.type != "MESH":
-            return
-        self.meshes += 1
-        if not len(obj.data.polygons):
+        if obj.type == "META":
+            # The first ball of a family has the faces of all.
+            data = obj.to_mesh()
+            if data is not None and len(data.polygons):
+                self.add(instance, data)
+            obj.to_mesh_clear()
+        elif obj.type == "MESH" and len(obj.data.polygons):
+            self.add(instance, obj.data)
+        elif obj.type == "MESH":
+            self.meshes += 1
             if not (instance.is_instance or obj.modifiers):
                 self.remark(f"object '{obj.name}' has no faces: left out")
-            return
-        mesh = read_mesh(obj.data)
+
+    def add(self, instance: bpy.types.DepsgraphObjectInstance, data: bpy.types.Mesh) -> None:
+        """Add the faces of one object or copy."""
+        self.meshes += 1
+        obj, mesh = instance.object, read_mesh(data)
         world = World(obj.name, mesh, np.array(instance.matrix_world, np.float64))
-        painted = self.paint(obj, mesh, world)
+        painted = self.paint(obj, data, mesh, world)
         if self.is_receiver(instance, mesh):
             self.add_corners(obj, mesh, world, painted)
 
-    def paint(self, obj: bpy.types.Object, mesh: Mesh, world: World) -> Painted:
+    def paint(self, obj: bpy.types.Object, data: bpy.types.Mesh, mesh: Mesh, world: World) -> Painted:
         """Add everything that blocks, reflects or gives off light; triangles without area do none of it."""
-        painted = self.painter.paint(mesh, Layers(obj.data, mesh, world), world.mirrored, _materials(obj))
+        painted = self.painter.paint(mesh, Layers(data, mesh, world), world.mirrored, _materials(obj))
         for material, text in painted.remarks:
             self.remark(f"material '{material.name}' on object {_OBJECTS}: {text}", obj.name)
         kept = with_area(world.position[mesh.corner_vertex[mesh.triangle_corners]])
@@ -328,7 +337,7 @@ def _size(depsgraph: bpy.types.Depsgraph) -> float:
     """About how large a scene is, m: the longest side of a box around its meshes."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for instance in depsgraph.object_instances:
-        if instance.object.type == "MESH":
+        if instance.object.type in ("MESH", "META"):
             corners = np.array(instance.object.bound_box, float) @ np.array(instance.matrix_world, float)[:3, :3].T
             corners += np.array(instance.matrix_world, float)[:3, 3]
             low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
