@@ -108,10 +108,19 @@ def compute(
     where it does not, else fmm_core.Error is raised.
     """
     arrays, warnings = data.arrays, list(data.warnings)
-    scene = fmm_core.Scene(arrays.triangles, arrays.albedo, arrays.emission, arrays.two_sided, arrays.opacity)
+    scene = fmm_core.Scene(
+        arrays.triangles,
+        arrays.albedo,
+        arrays.emission,
+        arrays.two_sided,
+        arrays.opacity,
+        lights=arrays.lights,
+        sky=arrays.sky,
+    )
     solution = None if session is None else session.solution
     if solution is not None and _serves(solution, scene, settings, data.kept):
-        solution = solution.relight(arrays.emission, arrays.albedo, _part(progress, 0.0, 0.8))
+        sky = fmm_core.Sky(0.0) if arrays.sky is None else arrays.sky
+        solution = solution.relight(arrays.emission, arrays.albedo, arrays.lights, sky, _part(progress, 0.0, 0.8))
     elif not solve:
         raise fmm_core.Error("more than lights and colours has changed since the last bake: bake again")
     else:

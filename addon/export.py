@@ -13,11 +13,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from fmm_core import Error, Opacity
+from fmm_core import Error, Light, Opacity, Sky
 
-from . import materials
+from . import lights
 from .meshes import Layers, Mesh, World, is_closed, read_mesh, same_topology, triangle_centres, with_area
 from .sampling import Painted, Painter
+from .world import read_world
 
 if TYPE_CHECKING:
     import bpy
@@ -56,6 +57,7 @@ class SceneArrays:
     corner_* describe the C corners of all receivers, in mesh order: position (C,3) m, normal (C,3) unit, vertex (C,)
     int unique over the scene, triangle_centre (C,3) m of the largest triangle at the corner, albedo (C,3), and
     emission (C,3) W/m^2. corner_triangles (R,3) are the corners of each triangle that the receivers are drawn with.
+    lights: the lamps; sky: what the world sends, or None.
     """
 
     triangles: np.ndarray
@@ -70,6 +72,8 @@ class SceneArrays:
     corner_albedo: np.ndarray
     corner_emission: np.ndarray
     corner_triangles: np.ndarray
+    lights: tuple[Light, ...]
+    sky: Sky | None
     receivers: tuple[Receiver, ...]
     warnings: tuple[str, ...]
 
@@ -152,6 +156,7 @@ class _Reader:
     remarks: dict[str, list[str]] = field(default_factory=dict)
     opacity_cells: list[np.ndarray | None] = field(default_factory=list)
     shapes: list[_Shape] = field(default_factory=list)
+    lights: list[Light] = field(default_factory=list)
     meshes: int = 0
     corners: int = 0
     vertices: int = 0
@@ -178,8 +183,8 @@ class _Reader:
     def take(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
         """Add one object or copy to the scene."""
         obj = instance.object
-        if obj.type == "LIGHT" and obj.data.energy > 0:
-            self.remark(f"light '{obj.name}' ({obj.data.type}) is not simulated yet: left out")
+        if obj.type == "LIGHT":
+            self.take_light(obj, np.array(instance.matrix_world, np.float64))
         if obj.type == "META":
             # The first ball of a family has the faces of all.
             data = obj.to_mesh()
@@ -197,10 +202,20 @@ class _Reader:
         """Add the faces of one object or copy."""
         self.meshes += 1
         obj, mesh = instance.object, read_mesh(data)
+        for text in (*lights.visibility_remarks(obj), *lights.linking_remarks(obj)):
+            self.remark(f"object '{obj.name}' {text}")
         world = World(obj.name, mesh, np.array(instance.matrix_world, np.float64))
         painted = self.paint(obj, data, mesh, world)
         if self.is_receiver(instance, mesh):
             self.add_corners(obj, mesh, world, painted)
+
+    def take_light(self, obj: bpy.types.Object, matrix: np.ndarray) -> None:
+        """Add one lamp, or a copy of one, where its matrix (4,4) puts it."""
+        light, remarks = lights.read_light(obj, matrix)
+        if light is not None:
+            self.lights.append(light)
+        for text in remarks:
+            self.remark(f"light '{obj.name}' {text}")
 
     def paint(self, obj: bpy.types.Object, data: bpy.types.Mesh, mesh: Mesh, world: World) -> Painted:
         """Add everything that blocks, reflects or gives off light; triangles without area do none of it."""
@@ -273,7 +288,10 @@ class _Reader:
     def finish(self) -> SceneArrays:
         """Put the parts together, after checking that there is something to bake."""
         scene = self.depsgraph.scene
-        self.add_scene_remarks(scene)
+        self.add_scene_remarks()
+        sky, remarks = read_world(scene)
+        for text in remarks:
+            self.remark(f"world '{scene.world.name}': {text}")
         warnings = tuple(text.replace(_OBJECTS, _list(names)) for text, names in self.remarks.items())
         because = f" ({'; '.join(warnings)})" if warnings else ""
         if not self.meshes:
@@ -285,14 +303,16 @@ class _Reader:
         if not self.receivers:
             raise Error(f"no mesh of scene '{scene.name}' can take colours{because}")
         arrays = {name: np.concatenate(parts) for name, parts in self.parts.items()}
-        if not arrays["emission"].any():
-            raise Error(f"nothing in scene '{scene.name}' gives off light: give a mesh a material with an Emission "
-                        f"shader, or with an Emission Strength above 0 in its Principled shader{because}")  # fmt: skip
+        if not arrays["emission"].any() and not self.lights and sky is None:
+            raise Error(f"nothing in scene '{scene.name}' gives off light: add a lamp, give a mesh a material with an "
+                        f"Emission shader, or the world a colour{because}")  # fmt: skip
         arrays["two_sided"] = _two_sided(self.shapes) & ~arrays.pop("one_sided")
         arrays["opacity"] = _opacity(arrays["opacity"], self.opacity_cells)
-        return SceneArrays(**arrays, receivers=tuple(self.receivers), warnings=warnings)
+        return SceneArrays(
+            **arrays, lights=tuple(self.lights), sky=sky, receivers=tuple(self.receivers), warnings=warnings
+        )
 
-    def add_scene_remarks(self, scene: bpy.types.Scene) -> None:
+    def add_scene_remarks(self) -> None:
         """Warnings that belong to no single object that was read."""
         for mesh, users in self.users.items():
             names = list(dict.fromkeys(users))
@@ -301,9 +321,6 @@ class _Reader:
             elif len(users) > 1:
                 self.remark(f"mesh '{mesh}' appears {len(users)} times in '{names[0]}': its colours are those of the "
                             "first")  # fmt: skip
-        world = materials.world_remark(scene.world)
-        if world:
-            self.remark(world)
         for obj in self.depsgraph.view_layer.objects:
             if obj.type == "MESH" and obj.name in self.renderable and not obj.hide_render and not obj.visible_get():
                 self.remark(f"object '{obj.name}' is hidden in the viewport: left out")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials and world: what a surface reflects, gives off and lets through, at places on a mesh.
+"""Materials: what a surface reflects, gives off and lets through, at places on a mesh.
 
 What is not simulated, or cannot be read, does not go by silently: remarks come beside the numbers.
 """
@@ -248,45 +248,13 @@ def _checked(values: Array, material: bpy.types.Material, name: str) -> Array:
 
 def _surface_socket(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket | None:
     """The Surface socket of the active output."""
-    outputs = [node for node in tree.nodes if node.bl_idname in ("ShaderNodeOutputMaterial", "ShaderNodeOutputWorld")]
+    outputs = [node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial"]
     output = next((node for node in outputs if node.is_active_output), outputs[0] if outputs else None)
     return None if output is None else output.inputs["Surface"]
 
 
-def world_remark(world: bpy.types.World | None) -> str | None:
-    """A sentence about the light of the world background where it gives any, else None."""
-    if world is None:
-        return None
-    if _without_nodes(world):
-        lit = any(channel > 0 for channel in world.color)
-    else:
-        lit = _background_is_lit(_shader_of(world.node_tree))
-    return f"the background of world '{world.name}' is not simulated yet: left out" if lit else None
-
-
-def _without_nodes(datablock: bpy.types.Material | bpy.types.World) -> bool:
-    # From Blender 5.0 on every material and world has nodes, and asking for use_nodes is deprecated.
+def _without_nodes(datablock: bpy.types.Material) -> bool:
+    # From Blender 5.0 on every material has nodes, and asking for use_nodes is deprecated.
     import bpy
 
     return datablock.node_tree is None or (bpy.app.version < (5, 0, 0) and not datablock.use_nodes)
-
-
-def _shader_of(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
-    """The node at the Surface socket of the active output, reroutes followed; None where nothing is there."""
-    socket = _surface_socket(tree)
-    while socket is not None and socket.is_linked and socket.links:
-        node = socket.links[0].from_node
-        if node.bl_idname != "NodeReroute":
-            return node
-        socket = node.inputs[0]
-    return None
-
-
-def _background_is_lit(shader: bpy.types.Node | None) -> bool:
-    if shader is None:
-        return False
-    if shader.bl_idname != "ShaderNodeBackground":
-        return True
-    colour, strength = shader.inputs["Color"], shader.inputs["Strength"]
-    bright = colour.is_linked or any(channel > 0 for channel in colour.default_value[:3])
-    return bright and (strength.is_linked or strength.default_value > 0)

@@ -5,23 +5,31 @@ from .errors import Cancelled, Error
 from .evaluation import OutputPoints, output_points
 from .fit import Sight, VertexFit
 from .kept import KeptVisibility
+from .lights import AreaLight, Light, PointLight, SpotLight, SunLight
 from .opacity import Opacity
 from .scene import MAX_ALBEDO, Scene
 from .settings import Settings
+from .sky import Sky
 from .solution import Solution
 from .solver import solve
 
 __all__ = [
     "MAX_ALBEDO",
+    "AreaLight",
     "Cancelled",
     "Error",
     "KeptVisibility",
+    "Light",
     "Opacity",
     "OutputPoints",
+    "PointLight",
     "Scene",
     "Settings",
     "Sight",
+    "Sky",
     "Solution",
+    "SpotLight",
+    "SunLight",
     "VertexFit",
     "output_points",
     "solve",

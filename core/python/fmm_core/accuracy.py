@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The measured error of a solve: a few random probes, each found once more with very many rays."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,10 +22,16 @@ GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 def measure(
-    found: Points, space: MultipoleSpace, radiosity: Points, points: Points, normals: Points, settings: Settings
+    found: Points,
+    space: MultipoleSpace,
+    radiosity: Points,
+    points: Points,
+    normals: Points,
+    settings: Settings,
+    direct: Callable[[Points, Points], Points],
 ) -> dict[str, float | int | None]:
     """Relative error of irradiance (M, 3) at random ones of the points (M, 3), against `by_rays` there, or against the
-    direct sum where nothing is in the way.
+    direct sum where nothing is in the way; with what lamps and sky send, which `direct` finds once more.
 
     measured_rms   relative L2 error over the probes; measured_max   largest error of a probe, relative to their RMS
     irradiance; bound   the paper's bound (section 2.2) for the two nearest boxes that exchange light by expansions,
@@ -36,6 +44,7 @@ def measure(
         exact = Sums(sums.particles, None, sums.near_reach).direct_operator(*judged).apply(radiosity)
     else:
         exact = by_rays(sums, radiosity, *judged)
+    exact = exact + direct(*judged)
     errors, scale = np.linalg.norm(found[chosen] - exact, axis=1), np.sqrt((exact**2).sum(axis=1).mean())
     relative = errors / scale if scale > 0 else errors
     return {

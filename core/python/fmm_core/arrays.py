@@ -8,6 +8,8 @@ from .errors import Error
 
 #: Lengths closer than this share of themselves count as equal: grids have many such, and rounding must not choose.
 ROUNDING = 1e-9
+#: Beyond this the squares and products of coordinates overflow.
+LARGEST = 1e60
 
 
 def numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from .particles import Particles
 from .progress import Tick
 from .report import Report
-from .scene import Scene
 from .settings import Settings
 from .transport import Operator
 
@@ -24,16 +23,22 @@ DARK = 1e-3
 
 
 def gmres(
-    exchange: Operator, scene: Scene, particles: Particles, settings: Settings, report: Report, tick: Tick
+    exchange: Operator,
+    particles: Particles,
+    albedo: Colours,
+    own: Colours,
+    settings: Settings,
+    report: Report,
+    tick: Tick,
 ) -> Colours:
-    """Radiosity (N, 3) by GMRES (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986), the colours side by side.
+    """Radiosity (N, 3) of particles with an albedo and light of their own (N, 3), by GMRES (Saad and Schultz, SIAM J.
+    Sci. Stat. Comput. 7, 1986), the colours side by side.
 
     Residuals are relative to each particle's own radiosity, so that a dim corner or colour counts like a bright one,
     down to a thousandth of the mean.
     Ends when no particle has more than the tolerance's share of its light still to come; or at the cap of applications,
     with a warning.
     """
-    albedo, emission = particles.of_triangles(scene.albedo), particles.of_triangles(scene.emission)
     count = 0
 
     def reflect(radiosity: Colours) -> Colours:
@@ -42,7 +47,7 @@ def gmres(
         tick(min(0.99, count / (count + 10)))
         return albedo * exchange.apply(radiosity)
 
-    radiosity, unshot, ratio = emission.copy(), emission, 1.0
+    radiosity, unshot, ratio = own.copy(), own, 1.0
     for _ in range(min(STEPS, settings.max_iterations)):
         before, unshot = particles.weights @ unshot, reflect(unshot)
         ratio = float((particles.weights @ unshot / np.where(before > 0, before, 1.0)).max())
@@ -62,7 +67,7 @@ def gmres(
         wanted = 0.2 * settings.tolerance * (1 - min(ratio, 0.99))
         step = _solved(lambda y, scale=scale: y - reflect(scale * y) / scale, residual / scale, wanted, columns, report)
         radiosity = radiosity + scale * step
-        residual = emission + reflect(radiosity) - radiosity
+        residual = own + reflect(radiosity) - radiosity
     return np.maximum(radiosity, 0.0)
 
 

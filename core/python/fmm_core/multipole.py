@@ -49,7 +49,9 @@ class MultipoleSpace:
     def exchange(self, tick: Tick = silent) -> Operator:
         tick(0.0)
         points, normals = self.sums.particles.positions, self.sums.particles.normals
-        fmm, correction = self._fmm(None, points, normals, self._exchange_rays(), tick)
+        fmm, correction = self._fmm(
+            None, points, normals, particle_rays(self._settings, len(self.sums.particles)), tick
+        )
         self.counts, self.pairs = fmm.counts(), fmm.outcomes()
         return Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
 
@@ -109,10 +111,10 @@ class MultipoleSpace:
         occlusion.trace(fmm, self.sums.surface, points, effort[-1], tick)
         return True
 
-    def _exchange_rays(self) -> float:
-        """Rays of a particle: what single ones get wrong averages out in what they send."""
-        share = min(1.0, MANY / len(self.sums.particles)) ** 0.5 / EXCHANGE_SHARE
-        return max(LEAST_RAYS, share * self._settings.rays)
+
+def particle_rays(settings: Settings, count: int) -> float:
+    """Rays of each of so many particles: what single ones get wrong averages out in what they send."""
+    return max(LEAST_RAYS, min(1.0, MANY / count) ** 0.5 / EXCHANGE_SHARE * settings.rays)
 
 
 def _effort(rays: float) -> tuple[float, float, float, float, int]:

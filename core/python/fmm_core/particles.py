@@ -275,7 +275,7 @@ def _edge_limits(scene: Scene, patch_count: float) -> NDArray[np.float64]:
     """(T,) longest edge that a patch of each triangle may have, so that about `patch_count` patches come out."""
     areas = triangle_areas(scene.triangles)
     power = areas * scene.emission.sum(axis=1)
-    share = (1 - EMITTER_SHARE) * areas / areas.sum() + EMITTER_SHARE * power / power.sum()
+    share = (1 - EMITTER_SHARE) * areas / areas.sum() + EMITTER_SHARE * power / (power.sum() or 1.0)
     # A right isosceles triangle of longest edge h has the area h^2 / 4; bisection makes them half as large on average.
     return np.sqrt(4 * 1.5 * areas / (share * patch_count))
 

@@ -2,20 +2,19 @@
 """The scene: triangles with albedo and emission, checked once."""
 
 import copy
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import numbers
+from .arrays import LARGEST, numbers
 from .errors import Error
+from .lights import Light, checked_lights
 from .opacity import Opacity
+from .sky import Sky
 
 #: Artists set albedo to 1 all the time; light would then never die out.
 MAX_ALBEDO = 0.999
-#: Beyond this the squares and products of coordinates overflow.
-LARGEST = 1e60
-
-
 #: Scenes whose centre is this many times their size away from the origin are moved there.
 FAR = 10.0
 
@@ -29,6 +28,8 @@ class Scene:
     two_sided   (T,) or a constant bool: the back reflects and emits like the front
     opacity     (T,) or a constant in [0, 1], or an `Opacity`: the share of the light that a triangle stops, of which it
                 reflects its albedo; emission is that of the part which is there. None once all of it is 1.
+    lights      lamps, see `lights.py`
+    sky         what shines from all around, or None
     warnings    what was changed or left out, one line each
     origin      (3,) where the coordinates of the triangles count from, 0 as given
 
@@ -44,6 +45,8 @@ class Scene:
         emission: ArrayLike = 0.0,
         two_sided: ArrayLike = False,
         opacity: ArrayLike | Opacity = 1.0,
+        lights: Sequence[Light] = (),
+        sky: Sky | None = None,
     ) -> None:
         corners = numbers("triangles", triangles)
         if corners.ndim != 3 or corners.shape[1:] != (3, 3):
@@ -69,8 +72,8 @@ class Scene:
         self.opacity = None if stopped.of(kept).is_whole else stopped.of(kept)
         self.centre, self.size = _bounds(self.triangles)
         self.origin = np.zeros(3)
-        if not self.emission.any():
-            raise Error("emission: the scene has no emitter, every triangle's emission is 0")
+        self.lights, self.sky = checked_lights(lights), _checked_sky(sky)
+        self._check_lit()
 
     def near_origin(self) -> "Scene":
         """The scene, moved to the origin if it is so far away that its coordinates are coarse against its size."""
@@ -79,16 +82,26 @@ class Scene:
         scene = copy.copy(self)
         scene.triangles = _frozen(np.ascontiguousarray(self.triangles - self.centre))
         scene.origin, scene.centre = self.origin + self.centre, np.zeros(3)
+        scene.lights = tuple(light.moved(-self.centre) for light in self.lights)
         return scene
 
-    def relit(self, emission: ArrayLike | None = None, albedo: ArrayLike | None = None) -> "Scene":
-        """The same triangles with other emission or albedo, given for the same rows; None keeps what there is."""
+    def relit(
+        self,
+        emission: ArrayLike | None = None,
+        albedo: ArrayLike | None = None,
+        lights: Sequence[Light] | None = None,
+        sky: Sky | None = None,
+    ) -> "Scene":
+        """The same triangles with other light or albedo, given for the same rows; None keeps what there is."""
         scene = copy.copy(self)
         scene.warnings = list(self.warnings)
+        if lights is not None:
+            scene.lights = tuple(light.moved(-self.origin) for light in checked_lights(lights))
+        if sky is not None:
+            scene.sky = _checked_sky(sky)
         if emission is not None:
             scene.emission = _frozen(_colours("emission", emission, self._given)[self.triangle_indices])
-            if not scene.emission.any():
-                raise Error("emission: the scene has no emitter, every triangle's emission is 0")
+        scene._check_lit()
         if albedo is not None:
             scene.warnings = [text for text in scene.warnings if not text.startswith("albedo ")]
             scene.albedo = _frozen(scene._clamped(_colours("albedo", albedo, self._given)[self.triangle_indices]))
@@ -101,6 +114,12 @@ class Scene:
         if (self.opacity is None) != (other.opacity is None):
             return False
         return same and self._given == other._given and (self.opacity is None or self.opacity.same(other.opacity))
+
+    def _check_lit(self) -> None:
+        if not self.emission.any() and not any(light.colour.any() for light in self.lights) and self.sky is None:
+            raise Error(
+                "emission: the scene has no emitter, every triangle's emission is 0, and no lamp and no sky that shines"
+            )
 
     def _with_area(self, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
         edges = corners - np.roll(corners, 1, axis=1)
@@ -143,6 +162,13 @@ def _opacity(values: ArrayLike | Opacity, count: int) -> Opacity:
     if len(values.mean) != count:
         raise Error(f"opacity: expected {count} rows like triangles, got {len(values.mean)}")
     return values
+
+
+def _checked_sky(sky: Sky | None) -> Sky | None:
+    """A sky that shines, or None."""
+    if not isinstance(sky, Sky | None):
+        raise Error(f"sky: expected a Sky or None, got {type(sky).__name__}")
+    return None if sky is None or sky.is_black else sky
 
 
 def _flags(name: str, values: ArrayLike, count: int) -> NDArray[np.bool_]:

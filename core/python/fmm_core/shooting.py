@@ -7,22 +7,26 @@ from numpy.typing import NDArray
 from .particles import Particles
 from .progress import Tick
 from .report import Report
-from .scene import Scene
 from .settings import Settings
 from .transport import Operator
 
 
 def shoot(
-    exchange: Operator, scene: Scene, particles: Particles, settings: Settings, report: Report, tick: Tick
+    exchange: Operator,
+    _particles: Particles,
+    albedo: NDArray[np.float64],
+    own: NDArray[np.float64],
+    settings: Settings,
+    report: Report,
+    tick: Tick,
 ) -> NDArray[np.float64]:
-    """Radiosity (N, 3) by shooting: in each step all particles pass on what they received in the step before.
+    """Radiosity (N, 3) of particles with an albedo and light of their own (N, 3), by shooting: in each step all of them
+    pass on what they received in the step before.
 
     Ends when no particle has more than the tolerance's share of its light still to come in any colour, judged from the
     last two steps, so that a dim corner or colour counts like a bright one; or at the cap, with a warning.
     """
-    albedo = particles.of_triangles(scene.albedo)
-    unshot = particles.of_triangles(scene.emission)
-    radiosity = unshot.copy()
+    radiosity, unshot = own.copy(), own
     for step in range(1, settings.max_iterations + 1):
         unshot = albedo * np.maximum(exchange.apply(unshot), 0.0)
         radiosity += unshot

@@ -1,24 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The solved scene: irradiance anywhere, and the report."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .accuracy import measure
+from .accuracy import PROBE_RAYS, measure
 from .arrays import finite_rows, unit_rows
+from .direct_light import LIGHTING, Receivers
 from .errors import Error, memory_errors
 from .fit import Sight, VertexFit, clear_sight
-from .iteration import ITERATIONS
+from .iteration import iterate
 from .kept import KeptVisibility
+from .lights import Light
 from .multipole import MultipoleSpace
 from .particles import Particles, serve
-from .progress import Progress, ticker
+from .progress import Progress, Tick, ticker
 from .report import Report
 from .scene import Scene
 from .settings import Settings
+from .sky import Sky
 from .transport import Operator, Space
 
 
@@ -36,17 +40,21 @@ class Solution:
         settings: Settings,
         space: Space,
         exchange: Operator,
+        lit: Receivers,
         radiosity: NDArray[np.float64],
         report: Report,
         kept: KeptVisibility | None = None,
         first: Scene | None = None,
         relit: bool = False,
+        lit_points: Receivers | None = None,
     ) -> None:
         self.scene, self.settings = scene, settings
         self.radiosity, self.kept = radiosity, kept
         # The scene whose lights the particles were made for.
         self._first = scene if first is None else first
         self._space, self._exchange, self._report, self._relit = space, exchange, report, relit
+        # The particles under lamps and sky, and the points that were asked for last.
+        self._lit, self._lit_points = lit, lit_points
 
     def irradiance(
         self, points: ArrayLike, normals: ArrayLike, progress: Progress | None = None, effort: float = 1.0
@@ -64,12 +72,15 @@ class Solution:
         points = points - self.scene.origin
         with memory_errors(), self._report.time("evaluate"):
             irradiance = self._space.gather(
-                points, normals, self.radiosity, ticker(progress, 0.0, 1.0, "Gathering light"), effort
+                points, normals, self.radiosity, ticker(progress, 0.0, 0.8, "Gathering light"), effort
             )
+            irradiance += self._direct(points, normals, effort, ticker(progress, 0.8, 1.0, LIGHTING))
         self._report.counts["output_points"] = len(points)
         if self._is_measured(len(points)):
             with memory_errors(), self._report.time("accuracy"):
-                self._report.error = measure(irradiance, self._space, self.radiosity, points, normals, self.settings)
+                self._report.error = measure(
+                    irradiance, self._space, self.radiosity, points, normals, self.settings, self._measured_direct
+                )
         # Expansions and corrections may leave a little less than nothing in the dark.
         irradiance = np.maximum(irradiance, 0.0)
         self._report.counts["rays"] = self._space.sums.rays - self._report.traced
@@ -86,6 +97,21 @@ class Solution:
         self._report.counts["rays"] = self._space.sums.rays - self._report.traced
         return found
 
+    def _direct(
+        self, points: NDArray[np.float64], normals: NDArray[np.float64], effort: float, tick: Tick
+    ) -> NDArray[np.float64]:
+        """Irradiance (M, 3) from lamps and sky."""
+        asked = Receivers(points, normals, self._space.sums.occlusion, effort * self.settings.rays)
+        if self._lit_points is None or not self._lit_points.same(asked):
+            self._lit_points = asked
+        return self._lit_points.irradiance(self.scene.lights, self.scene.sky, tick)
+
+    def _measured_direct(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The same with very many rays."""
+        return Receivers(points, normals, self._space.sums.occlusion, PROBE_RAYS).irradiance(
+            self.scene.lights, self.scene.sky
+        )
+
     def _is_measured(self, count: int) -> bool:
         """Once a solve, unless it shall trace no ray; the direct method is what others are measured by."""
         wanted = self.settings.probes > 0 and count > 0 and self._report.error["measured_rms"] is None
@@ -101,15 +127,21 @@ class Solution:
         return self.scene.same_geometry(scene) and serve(self.particles, self._first, scene)
 
     def relight(
-        self, emission: ArrayLike | None = None, albedo: ArrayLike | None = None, progress: Progress | None = None
+        self,
+        emission: ArrayLike | None = None,
+        albedo: ArrayLike | None = None,
+        lights: Sequence[Light] | None = None,
+        sky: Sky | None = None,
+        progress: Progress | None = None,
     ) -> "Solution":
-        """The same triangles solved with other emission or albedo, without a new ray; also at the points asked last.
+        """The same triangles solved with other light or albedo, without a new ray; also at the points asked last.
 
-        emission, albedo   as `Scene` takes them, for the same triangles; None keeps what there is. A surface that did
-        not emit at first is given as many rays as others that do not, of which a warning tells: see `serves`.
+        emission, albedo, lights, sky   as `Scene` takes them, for the same triangles; None keeps what there is. A
+        surface that did not emit at first is given as many rays as others that do not, of which a warning tells: see
+        `serves`. Lamps in new places, a first sky, and one with bright parts elsewhere take rays of their own.
         progress as in `solve`. Raises `Error` naming the array, the row and the value.
         """
-        scene = self.scene.relit(emission, albedo)
+        scene = self.scene.relit(emission, albedo, lights, sky)
         report = Report(self.settings, scene)
         if not serve(self.particles, self._first, scene):
             report.warnings.append(
@@ -118,13 +150,15 @@ class Solution:
         report.counts.update(self._report.counts, rays=0, output_points=0)
         report.kept = True
         report.postponement, report.traced = self._report.postponement, self._space.sums.rays
-        tick = ticker(progress, 0.0, 1.0, "Exchanging light")
+        with memory_errors(), report.time("visibility"):
+            tick = ticker(progress, 0.0, 0.2, LIGHTING)
+            direct = self._lit.irradiance(scene.lights, scene.sky, tick)
         with memory_errors(), report.time("transport"):
-            iterate = ITERATIONS[self.settings.iteration]
-            radiosity = iterate(self._exchange, scene, self.particles, self.settings, report, tick)
-        return Solution(
-            scene, self.settings, self._space, self._exchange, radiosity, report, self.kept, self._first, True
-        )
+            tick = ticker(progress, 0.2, 1.0, "Exchanging light")
+            radiosity = iterate(self._exchange, scene, self.particles, direct, self.settings, report, tick)
+        report.counts["rays"] = self._space.sums.rays - report.traced
+        parts = self._space, self._exchange, self._lit, radiosity, report, self.kept, self._first
+        return Solution(scene, self.settings, *parts, relit=True, lit_points=self._lit_points)
 
     @property
     def particles(self) -> Particles:

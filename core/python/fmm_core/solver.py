@@ -2,10 +2,11 @@
 """From a scene to its solution: particles, visibility, iteration."""
 
 from .direct import DirectSpace
+from .direct_light import LIGHTING, Receivers
 from .errors import Error, memory_errors
-from .iteration import ITERATIONS
+from .iteration import iterate
 from .kept import KeptVisibility
-from .multipole import MultipoleSpace
+from .multipole import MultipoleSpace, particle_rays
 from .particles import make_particles, serve
 from .progress import Progress, ticker
 from .report import Report
@@ -29,7 +30,9 @@ def solve(
     progress: Progress | None = None,
     kept: KeptVisibility | None = None,
 ) -> Solution:
-    """Solves the radiosity equation B = E + albedo * irradiance(B) (eq 1) for a scene.
+    """Solves the radiosity equation B = E + albedo * (direct + irradiance(B)) (eq 1) for a scene.
+
+    direct is what lamps and sky send.
 
     progress(fraction, text) is called now and then; a false answer other than None cancels, which raises `Cancelled`.
     kept: what rays found in earlier solves of these triangles, which is not traced again; what is traced is added.
@@ -70,17 +73,21 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None, kept: Ke
     sums = Sums(particles, occlusion, settings.near_reach or (single if degree == 1 else 4.0))
     with report.time("lists" if multipole else "visibility"):
         space = MultipoleSpace(sums, settings) if multipole else DirectSpace(sums)
-        exchange = space.exchange(ticker(progress, 0.0, 0.8, "Preparing the exchange"))
+        exchange = space.exchange(ticker(progress, 0.0, 0.7, "Preparing the exchange"))
     if isinstance(space, MultipoleSpace):
         report.seconds["lists"] -= space.occlusion_seconds
         report.seconds["visibility"] += space.occlusion_seconds
+    rays = particle_rays(settings, len(particles))
+    lit = Receivers(particles.positions, particles.normals, occlusion, rays, particles)
+    with report.time("visibility"):
+        direct = lit.irradiance(scene.lights, scene.sky, ticker(progress, 0.7, 0.8, LIGHTING))
     with report.time("transport"):
         tick = ticker(progress, 0.8, 1.0, "Exchanging light")
-        radiosity = ITERATIONS[settings.iteration](exchange, scene, particles, settings, report, tick)
+        radiosity = iterate(exchange, scene, particles, direct, settings, report, tick)
     if isinstance(space, MultipoleSpace):
         report.counts.update({name: space.counts[name] for name in ("boxes", "leaves")})
         names = "pairs_valid", "pairs_partial", "pairs_invalid"
         report.counts.update(zip(names, space.pairs, strict=True))
         report.postponement = space.pairs[1] / max(1, sum(space.pairs))
     report.counts["rays"], report.kept = sums.rays, sums.replayed > 0
-    return Solution(scene, settings, space, exchange, radiosity, report, kept, first)
+    return Solution(scene, settings, space, exchange, lit, radiosity, report, kept, first)

@@ -29,6 +29,10 @@ finally:
 
 #: Distance between a surface and the end of a ray, in half scene sizes: some ten times embree's rounding error.
 OFFSET = 2e-6
+#: A ray to a lamp ends so much before it, in half scene sizes: a lamp may lie on a ceiling.
+END = 4e-6
+#: Length of a ray that leaves the scene, in half scene sizes: the box of the scene is less than 4 across.
+OUTSIDE = 4.0
 #: Receivers and sources are taken in blocks of about this many pairs: small enough that all cores end together.
 BLOCK_PAIRS = 1 << 16
 #: Rays that tell whether a point is inside an object.
@@ -216,6 +220,25 @@ class Occlusion:
 
         self.rays += _run_blocks(block, len(points), BLOCK_PAIRS, silent)
         return seen
+
+    def transmitted(
+        self,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        directions: NDArray[np.float64],
+        distances: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """(R,) the share of light that gets from so far away (R,), or from outside of the scene, to points (R, 3) with
+        unit normals (R, 3), along unit directions (R, 3); to be called by what `run_blocks` runs.
+        """
+        origins = self._lifted(points, normals).astype(np.float32)
+        # All ends beyond the scene are as good, and single precision does not reach far.
+        reach = np.clip(distances / self._scale - END, 0.0, OUTSIDE)
+        return 1.0 - self._occluded(origins, (directions * reach[:, None]).astype(np.float32))
+
+    def run_blocks(self, work: Callable[[slice], int], count: int, size: int, tick: Tick = silent) -> None:
+        """Runs `work` on slices of so many rows, several at once; it returns how many rays it asked."""
+        self.rays += _run_blocks(work, count, max(1, size), tick)
 
     def _lifted(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
         return (points - self._centre) / self._scale + OFFSET * normals

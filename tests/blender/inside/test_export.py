@@ -216,20 +216,6 @@ def test_hidden_objects_are_left_out(build, read):
     ]
 
 
-def test_lamps_and_world_are_named(build, read):
-    build.quad("Lamp", build.light())
-    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Sunny", bpy.data.lights.new("Sunny", "SUN")))
-    world = bpy.data.worlds.new("Sky")
-    if world.node_tree is None:
-        world.use_nodes = True
-    bpy.context.scene.world = world
-    arrays = read()
-    assert warned(arrays, "light 'Sunny' (SUN)")
-    assert warned(arrays, "world 'Sky'")
-    next(node for node in world.node_tree.nodes if node.type == "BACKGROUND").inputs["Strength"].default_value = 0
-    assert not warned(read(), "world")
-
-
 def test_texture_is_named_and_not_black(build, read):
     build.quad("Lamp", build.light())
     wood = build.material("Wood {1}", Color=(0.3, 0.4, 0.5))

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lamps of Blender as lights of the core, with the numbers that Cycles gives them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import fmm_core
+import numpy as np
+
+if TYPE_CHECKING:
+    import bpy
+
+# What Cycles makes of the narrowest spread, in radians.
+_LEAST_SPREAD = math.radians(1.0)
+# Sides of a scaled lamp may differ by rounding.
+_EQUAL = 1e-4
+
+
+def read_light(obj: bpy.types.Object, matrix: np.ndarray) -> tuple[fmm_core.Light | None, list[str]]:
+    """The light of a lamp that stands where a matrix (4,4) in m puts it, or None where it lights no surface; and what
+    was left out or replaced, in words.
+
+    Raises fmm_core.Error naming lamp and value where one is out of bounds.
+    """
+    lamp = obj.data
+    if not obj.visible_diffuse or getattr(lamp.cycles, "is_portal", False):
+        return None, []
+    power, remarks = _power(lamp)
+    if min(power) < 0:
+        return None, ["has negative power, which is not simulated: left out"]
+    if max(power) == 0:
+        return None, []
+    if getattr(lamp.cycles, "max_bounces", 1024) < 4:
+        remarks.append(f"its limit of {lamp.cycles.max_bounces} bounces is not simulated")
+    remarks += linking_remarks(obj)
+    try:
+        return _READERS[lamp.type](lamp, matrix, power), remarks
+    except fmm_core.Error as error:
+        raise fmm_core.Error(f"light '{obj.name}': {error}") from None
+
+
+def linking_remarks(obj: bpy.types.Object) -> list[str]:
+    """What light linking of an object is not simulated, in words."""
+    linking = getattr(obj, "light_linking", None)
+    if linking is None or (linking.receiver_collection is None and linking.blocker_collection is None):
+        return []
+    return ["its light linking is not simulated: it lights everything, and everything shades it"]
+
+
+def visibility_remarks(obj: bpy.types.Object) -> list[str]:
+    """What ray visibility of a mesh is not simulated, in words."""
+    flags = {"diffuse": obj.visible_diffuse, "shadow": obj.visible_shadow}
+    hidden = " and ".join(name for name, visible in flags.items() if not visible)
+    return [f"is hidden from {hidden} rays, which is not simulated: it blocks and reflects light"] if hidden else []
+
+
+def _power(lamp: bpy.types.Light) -> tuple[np.ndarray, list[str]]:
+    """Watts, or W/m^2 of a sun, of each colour (3,)."""
+    factor, remarks = _of_nodes(lamp)
+    colour = np.array(lamp.color[:], np.float64)
+    # From Blender 4.5 on a lamp has a temperature and an exposure.
+    if getattr(lamp, "use_temperature", False):
+        colour = colour * np.array(lamp.temperature_color[:], np.float64)
+    return lamp.energy * 2.0 ** getattr(lamp, "exposure", 0.0) * colour * factor, remarks
+
+
+def _of_nodes(lamp: bpy.types.Light) -> tuple[np.ndarray, list[str]]:
+    """What the nodes of a lamp multiply its light by (3,)."""
+    one = np.ones(3)
+    if not lamp.use_nodes or lamp.node_tree is None:
+        return one, []
+    outputs = [node for node in lamp.node_tree.nodes if node.bl_idname == "ShaderNodeOutputLight"]
+    output = next((node for node in outputs if node.is_active_output), None)
+    links = output.inputs["Surface"].links if output is not None else ()
+    if not links:
+        return 0 * one, []
+    shader = links[0].from_node
+    if shader.bl_idname != "ShaderNodeEmission":
+        return one, [f"its node '{shader.name}' is not simulated, its power and colour are used"]
+    colour, strength = shader.inputs["Color"], shader.inputs["Strength"]
+    remarks = [
+        f"{socket.name} of its node '{shader.name}' comes from another node, which is not read: its plain value is used"
+        for socket in (colour, strength)
+        if socket.is_linked
+    ]
+    return strength.default_value * np.array(colour.default_value[:3], np.float64), remarks
+
+
+def _is_normalised(lamp: bpy.types.Light) -> bool:
+    """Whether its power stays the same whatever its size; from Blender 4.5 on that can be switched off."""
+    return getattr(lamp, "normalize", True)
+
+
+def _intensity(lamp: bpy.types.Light, power: np.ndarray) -> np.ndarray:
+    """W/sr of a point or a spot lamp: a spot is a point lamp with a shade."""
+    radius = lamp.shadow_soft_size
+    return power / (4 * math.pi) * (1.0 if _is_normalised(lamp) or not radius else math.pi * radius**2)
+
+
+def _point(lamp: bpy.types.PointLight, matrix: np.ndarray, power: np.ndarray) -> fmm_core.PointLight:
+    return fmm_core.PointLight(
+        matrix[:3, 3], _intensity(lamp, power), lamp.shadow_soft_size, lamp.use_soft_falloff, lamp.use_shadow
+    )
+
+
+def _spot(lamp: bpy.types.SpotLight, matrix: np.ndarray, power: np.ndarray) -> fmm_core.SpotLight:
+    return fmm_core.SpotLight(
+        matrix[:3, 3],
+        _intensity(lamp, power),
+        lamp.shadow_soft_size,
+        lamp.use_soft_falloff,
+        lamp.use_shadow,
+        direction=-matrix[:3, 2],
+        angle=min(lamp.spot_size, math.pi),
+        blend=lamp.spot_blend,
+    )
+
+
+def _sun(lamp: bpy.types.SunLight, matrix: np.ndarray, power: np.ndarray) -> fmm_core.SunLight:
+    angle = min(lamp.angle, math.pi)
+    if not _is_normalised(lamp) and angle > 0:
+        power = power * math.pi * math.sin(angle / 2) ** 2
+    return fmm_core.SunLight(-matrix[:3, 2], power, angle, lamp.use_shadow)
+
+
+def _area(lamp: bpy.types.AreaLight, matrix: np.ndarray, power: np.ndarray) -> fmm_core.AreaLight:
+    ellipse = lamp.shape in ("DISK", "ELLIPSE")
+    height = lamp.size_y if lamp.shape in ("RECTANGLE", "ELLIPSE") else lamp.size
+    u, v = matrix[:3, 0] * lamp.size / 2, matrix[:3, 1] * height / 2
+    normal = np.cross(u, v)
+    # It shines down its own z axis, also where a negative scale has mirrored it.
+    if normal @ matrix[:3, 2] > 0:
+        v = -v
+    area = 4 * np.linalg.norm(normal) * (math.pi / 4 if ellipse else 1.0)
+    if _is_normalised(lamp):
+        power = power / max(area, 1e-30)
+    spread = min(max(lamp.spread, _LEAST_SPREAD), math.pi)
+    return fmm_core.AreaLight(matrix[:3, 3], u, v, power / math.pi, ellipse, spread, lamp.use_shadow)
+
+
+_READERS = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}

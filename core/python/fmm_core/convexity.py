@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Proof, without a ray, that no triangle is between receivers and a lamp."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Points = NDArray[np.float64]
+
+#: Receivers that are asked first: most scenes fail with them.
+FEW = 16
+#: Planes times receivers that are worth the proof.
+MOST = 200_000_000
+#: Planes times receivers at once: bounds memory.
+BLOCK = 10_000_000
+#: Distance that counts as lying on a plane, in sizes of the scene: less than rays are lifted by.
+ON_PLANE = 5e-7
+
+
+def nothing_between(triangles: Points, points: Points, lamp: Points, radius: float) -> bool:
+    """Whether no triangle (T, 3, 3) can be between points (M, 3) and a lamp: for none is the plane between them.
+
+    lamp (K, 4) homogeneous points, the lamp being within `radius` of their convex hull; the last number is 1, or 0 for
+    a direction, of which `radius` is the sine of the angle about it.
+    """
+    planes, size = _planes(triangles), float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
+    return _on_one_side(planes, points[:: max(1, len(points) // FEW)], lamp, radius, ON_PLANE * size) and _on_one_side(
+        _different(planes, size), points, lamp, radius, ON_PLANE * size
+    )
+
+
+def _on_one_side(planes: Points, points: Points, lamp: Points, radius: float, margin: float) -> bool:
+    if len(planes) * len(points) > MOST:
+        return False
+    block = max(1, BLOCK // max(1, len(points)))
+    for start in range(0, len(planes), block):
+        some = planes[start : start + block]
+        heights = some[:, :3] @ points.T + some[:, 3:]
+        lamp_heights = some @ lamp.T
+        above = (heights.min(axis=1) >= -margin) & (lamp_heights.min(axis=1) >= radius - margin)
+        below = (heights.max(axis=1) <= margin) & (lamp_heights.max(axis=1) <= margin - radius)
+        if not (above | below).all():
+            return False
+    return True
+
+
+def _planes(triangles: Points) -> Points:
+    """(T, 4) unit normal and minus the distance from the origin along it."""
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.column_stack([normals, -(normals * triangles[:, 0]).sum(axis=1)])
+
+
+def _different(planes: Points, size: float) -> Points:
+    """One of all planes that are the same up to rounding."""
+    keys = np.rint(planes / [1e-9, 1e-9, 1e-9, 1e-9 * size])
+    return planes[np.unique(keys, axis=0, return_index=True)[1]]

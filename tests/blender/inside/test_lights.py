@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lamps and world as they are read from a scene, and bakes by them; tests/cycles compares their numbers."""
+
+import math
+
+import bpy
+import fmm_core
+import numpy as np
+import pytest
+from scenes import baked
+
+
+@pytest.fixture(autouse=True)
+def few_particles(empty):
+    bpy.context.scene.fmm_radiosity.particles = 300
+
+
+def lamp(kind="POINT", name="Lamp", **fields):
+    data = bpy.data.lights.new(name, kind)
+    for field, value in fields.items():
+        setattr(data, field, value)
+    obj = bpy.data.objects.new(name, data)
+    obj.location = (0.5, 0.5, 2)
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def world(colour=(0.1, 0.2, 0.3, 1.0), strength=2.0):
+    made = bpy.data.worlds.new("Sky")
+    if made.node_tree is None:
+        made.use_nodes = True
+    background = next(node for node in made.node_tree.nodes if node.type == "BACKGROUND")
+    background.inputs["Color"].default_value, background.inputs["Strength"].default_value = colour, strength
+    bpy.context.scene.world = made
+    return made.node_tree, background
+
+
+def test_every_kind_of_lamp_is_read(build, read):
+    build.quad("Floor")
+    lamp("POINT", "a", energy=4 * math.pi, color=(1, 0.5, 0), shadow_soft_size=0.2, use_soft_falloff=False)
+    lamp("SPOT", "b", energy=4 * math.pi, spot_size=1.0, spot_blend=0.3, use_soft_falloff=True).rotation_euler.x = 0.5
+    lamp("SUN", "c", energy=3, angle=0.1).scale = (2, 2, 2)
+    lamp("AREA", "d", energy=10, shape="ELLIPSE", size=2, size_y=0.5, spread=1.0).scale = (1, 2, -1)
+    point, spot, sun, area = read().lights
+    assert (point.position, point.intensity, point.disc) == ((0.5, 0.5, 2.0), pytest.approx((1, 0.5, 0)), False)
+    assert (point.radius, spot.blend) == (pytest.approx(0.2), pytest.approx(0.3))
+    assert spot.direction == pytest.approx((0, math.sin(0.5), -math.cos(0.5)), abs=1e-6)
+    assert (spot.disc, spot.angle) == (True, pytest.approx(1.0))
+    assert (sun.direction, sun.irradiance) == (pytest.approx((0, 0, -1)), pytest.approx((3, 3, 3)))
+    assert np.cross(area.u, area.v)[2] == pytest.approx(1 * 0.5)
+    assert area.radiance == pytest.approx([10 / math.pi / (math.pi * 0.5)] * 3, rel=1e-5)
+    assert (area.ellipse, area.spread) == (True, pytest.approx(1.0))
+
+
+def test_instanced_lamps_shine_where_they_are_shown(build, read):
+    build.quad("Floor")
+    group, source = bpy.data.collections.new("Group"), lamp(energy=5)
+    bpy.context.scene.collection.objects.unlink(source)
+    group.objects.link(source)
+    for x in (1.0, 3.0):
+        holder = bpy.data.objects.new("Holder", None)
+        holder.instance_type, holder.instance_collection, holder.location = "COLLECTION", group, (x, 0, 0)
+        bpy.context.scene.collection.objects.link(holder)
+    assert [light.position for light in read().lights] == [(1.5, 0.5, 2.0), (3.5, 0.5, 2.0)]
+
+
+def test_lamps_that_light_nothing_are_left_out(build, read):
+    build.quad("Floor", build.light())
+    lamp(name="hidden").hide_render = True
+    lamp(name="not for diffuse").visible_diffuse = False
+    lamp(name="off", energy=0)
+    lamp(name="black", color=(0, 0, 0))
+    lamp("AREA", "portal").data.cycles.is_portal = True
+    lamp(name="minus", energy=-3)
+    arrays = read()
+    assert arrays.lights == ()
+    assert arrays.warnings == ("light 'minus' has negative power, which is not simulated: left out",)
+
+
+def test_nodes_of_a_lamp_multiply_its_power_or_are_named(build, read):
+    build.quad("Floor")
+    obj = lamp(energy=4 * math.pi)
+    obj.data.use_nodes = True
+    tree = obj.data.node_tree
+    emission = next(node for node in tree.nodes if node.type == "EMISSION")
+    emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = (1, 0.5, 0, 1), 3.0
+    arrays = read()
+    assert arrays.lights[0].intensity == pytest.approx((3, 1.5, 0))
+    assert arrays.warnings == ()
+    tree.links.new(tree.nodes.new("ShaderNodeLightFalloff").outputs[0], emission.inputs["Strength"])
+    (warning,) = read().warnings
+    assert "light 'Lamp' Strength of its node 'Emission'" in warning
+
+
+def test_what_is_not_simulated_is_named(build, read):
+    floor = build.quad("Floor")
+    floor.visible_shadow = False
+    obj = lamp()
+    obj.light_linking.receiver_collection = bpy.data.collections.new("Only these")
+    obj.data.cycles.max_bounces = 1
+    arrays = read()
+    assert arrays.warnings == (
+        "object 'Floor' is hidden from shadow rays, which is not simulated: it blocks and reflects light",
+        "light 'Lamp' its limit of 1 bounces is not simulated",
+        "light 'Lamp' its light linking is not simulated: it lights everything, and everything shades it",
+    )
+
+
+def test_lamp_without_shadow_has_none(build, read):
+    build.quad("Floor")
+    lamp(use_shadow=False)
+    assert not read().lights[0].shadows
+
+
+def test_even_world_is_read_and_a_dark_one_is_none(build, read):
+    build.quad("Floor", build.light())
+    assert read().sky is None
+    _, background = world()
+    assert read().sky.radiance.ravel() == pytest.approx((0.2, 0.4, 0.6))
+    bpy.context.scene.world.cycles_visibility.diffuse = False
+    assert read().sky is None
+    bpy.context.scene.world.cycles_visibility.diffuse = True
+    background.inputs["Strength"].default_value = 0
+    assert read().sky is None
+
+
+def test_world_of_any_nodes_is_a_picture_and_nothing_is_left_behind(build, read):
+    build.quad("Floor")
+    tree, background = world(strength=1.0)
+    place, mix = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeVectorMath")
+    mix.operation = "MAXIMUM"
+    mix.inputs[1].default_value = (0, 0, 0)
+    tree.links.new(place.outputs["Generated"], mix.inputs[0])
+    tree.links.new(mix.outputs[0], background.inputs["Color"])
+    kinds = "scenes", "worlds", "cameras", "objects", "images"
+    before = [len(getattr(bpy.data, kind)) for kind in kinds]
+    arrays = read()
+    assert before[:4] == [len(getattr(bpy.data, kind)) for kind in kinds][:4]
+    assert bpy.context.scene.world.cycles.sampling_method == "AUTOMATIC"
+    assert arrays.warnings == ()
+    # Red from +x, green from +y, blue from above: a surface that looks there gets 2/3 pi of it, its colour alone.
+    floor = fmm_core.solve(fmm_core.Scene(arrays.triangles - [0.5, 0.5, 50], 0.0, sky=arrays.sky))
+    found = floor.irradiance(np.zeros((3, 3)), np.eye(3))
+    assert np.diag(found) == pytest.approx([2 * math.pi / 3] * 3, rel=0.01)
+
+
+def test_default_scene_bakes():
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    bpy.context.scene.fmm_radiosity.particles = 300
+    assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+    colours = baked(bpy.data.meshes["Cube"])[:, :3]
+    # The grey world alone gives 0.05 * 0.8.
+    assert colours.min() == pytest.approx(0.04, rel=0.05)
+    assert colours.max() > 0.5
+
+
+def test_other_power_and_sky_trace_no_ray(build, fmm):
+    build.room()
+    obj, (_, background) = lamp(energy=50), world()
+    bpy.data.objects["Box"].location.z = 0.9
+
+    def bake():
+        assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+        return baked(bpy.data.meshes["Floor"]), fmm.session.session.report["counts"]["rays"]
+
+    before, rays = bake()
+    assert rays > 0
+    obj.data.energy, obj.data.color = 500, (1, 0.2, 0.1)
+    background.inputs["Color"].default_value = (0.0, 1.0, 0.0, 1.0)
+    after, rays = bake()
+    assert rays == 0
+    assert after[:, 0].mean() > 2 * before[:, 0].mean()
+    background.inputs["Strength"].default_value = 0
+    without_sky, rays = bake()
+    assert rays == 0
+    fmm.session.session.solution = None
+    fresh, rays = bake()
+    assert rays > 0
+    assert without_sky == pytest.approx(fresh, rel=1e-3)
+    obj.location.x += 0.2
+    moved, rays_of_lamp = bake()
+    assert 0 < rays_of_lamp < rays
+    fmm.session.session.solution = None
+    assert moved == pytest.approx(bake()[0], rel=1e-3)
