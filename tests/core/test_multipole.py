@@ -57,6 +57,17 @@ def test_any_tree_and_any_separation_give_the_same_light(exact, options):
     assert error(solved(method="fmm", truncation=5, **options), exact) < 0.002
 
 
+@pytest.mark.parametrize(("truncation", "bound"), [(2, 0.1), (4, 0.02)])
+def test_near_patches_at_the_horizon_are_not_corrected_where_the_sum_left_them_out(truncation, bound):
+    room = shapes.room()
+    scene = fmm_core.Scene(room, 0.5, np.where(np.arange(12) == 2, 1.0, 0.0))
+    points = [np.concatenate(p) for p in zip(shapes.corner_points(room), shapes.random_points(room, 100), strict=True)]
+    exact = fmm_core.solve(scene, fmm_core.Settings(method="direct", particles=4000)).irradiance(*points)
+    settings = fmm_core.Settings(method="fmm", particles=4000, level=4, truncation=truncation)
+    found = fmm_core.solve(scene, settings).irradiance(*points)
+    assert np.abs(found - exact).max() < bound * np.sqrt((exact**2).mean())
+
+
 def test_measured_error_is_the_true_one_at_all_particles():
     solution, direct = solved(method="fmm", truncation=4), solved(method="direct")
     particles = solution.particles

@@ -81,6 +81,21 @@ def test_triangles_without_area_are_left_out_with_a_warning():
     assert scene.warnings == ["1 of 13 triangles have no area and are left out"]
 
 
+def test_triangles_that_are_there_twice_are_left_out_and_the_brightest_stays():
+    turned, again, once_more = CUBE[[3]][:, [1, 2, 0]], CUBE[[5]], CUBE[[7]][:, [2, 1, 0]]
+    triangles = np.concatenate([CUBE, turned, again, once_more])
+    scene = fmm_core.Scene(triangles, emission=np.where(np.arange(15) == 13, 2.0, 1.0))
+    assert scene.triangle_indices.tolist() == [0, 1, 2, 3, 4, 6, 7, 8, 9, 10, 11, 13, 14]
+    assert scene.warnings == ["2 of 15 triangles are there twice and are left out once"]
+
+
+def test_a_face_with_two_sides_stands_for_one_at_its_back():
+    triangles = np.concatenate([CUBE[:1], CUBE[:1, ::-1], CUBE[1:]])
+    sides = np.arange(13) == 1
+    assert fmm_core.Scene(triangles, emission=1.0, two_sided=sides).triangle_indices.tolist() == [*range(1, 13)]
+    assert len(fmm_core.Scene(triangles, emission=1.0).triangle_indices) == 13
+
+
 def test_albedo_of_one_is_clamped_with_a_warning_and_the_solve_ends():
     scene = fmm_core.Scene(CUBE[2:], albedo=1.0, emission=1.0)
     assert scene.albedo.max() == 0.999

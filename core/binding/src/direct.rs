@@ -167,6 +167,12 @@ impl Correction {
         let (rows, _) = irradiance.as_slice_mut().map_err(value_error)?.as_chunks_mut::<3>();
         py.detach(|| self.correction.add(strengths, rows)).map_err(value_error)
     }
+
+    /// What each source (N,) sends by the correction for one unit of strength to receivers of areas (M,).
+    fn sent<'py>(&self, py: Python<'py>, areas: PyReadonlyArray1<f64>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let areas = flat(&areas)?;
+        Ok(vector(py, py.detach(|| self.correction.sent(areas)).map_err(value_error)?))
+    }
 }
 
 /// Rays from a block of receivers to every source that faces them: pairs, origins, directions.

@@ -159,6 +159,7 @@ impl Fmm {
         if let Some(cells) = &self.cells {
             return self.near_seen_by_cells(cells, near, points_per_patch);
         }
+        let open_space = self.rounds.is_none();
         let leaves = (leaves_of_points(&self.targets), leaves_of_points(&self.sources));
         let rows: Vec<Vec<Counted>> = (0..self.targets.n_points())
             .into_par_iter()
@@ -168,7 +169,14 @@ impl Fmm {
                 let points =
                     row.iter().flat_map(|&q| (0..points_per_patch).map(move |k| q as usize * points_per_patch + k));
                 points
-                    .map(|source| self.seen(i, self.sources.to_tree[source] as usize, (&leaves.0, &leaves.1)))
+                    .map(|source| {
+                        let j = self.sources.to_tree[source] as usize;
+                        if open_space {
+                            let met = self.lists.have(&self.targets, leaves.0[i], &self.sources, leaves.1[j]);
+                            return if met { Counted::Whole } else { Counted::Not };
+                        }
+                        self.seen(i, j, (&leaves.0, &leaves.1))
+                    })
                     .collect()
             })
             .collect();

@@ -80,13 +80,58 @@ pub fn faces(x: DVec3, triangle: &[DVec3; 3]) -> bool {
     let [a, b, c] = *triangle;
     let normal = (b - a).cross(c - a);
     let relative = x - a;
-    // A point in the plane up to rounding sees nothing of the triangle.
-    normal.dot(relative) > 1e-12 * normal.length() * relative.length()
+    let edge = (b - a).abs().max_element().max((c - a).abs().max_element());
+    let corner = a.abs().max_element().max(x.abs().max_element());
+    // A point in the plane up to rounding sees nothing of the triangle; that of the corners tilts the plane of a sliver.
+    let rounding = 1e-12 * normal.length() + 4.0 * f64::EPSILON * edge * corner.max(edge);
+    normal.dot(relative) > rounding * relative.length()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    /// A triangle with corners in the unit cube from a place on.
+    fn triangle(z: f64) -> impl Strategy<Value = [[f64; 3]; 3]> {
+        let corner = || [0.0..1.0, 0.0..1.0, z..z + 1.0];
+        [corner(), corner(), corner()].prop_filter("has an area", |t| area_and_normal(t).0 > 0.01)
+    }
+
+    fn area_and_normal(t: &[[f64; 3]; 3]) -> (f64, DVec3) {
+        let [a, b, c] = t.map(DVec3::from);
+        let cross = (b - a).cross(c - a);
+        (cross.length() / 2.0, cross.normalize())
+    }
+
+    /// Area times mean form factor to another triangle, from the middles of 32 * 32 parts.
+    fn exchange(from: &[[f64; 3]; 3], to: &[[f64; 3]; 3]) -> f64 {
+        const STEPS: usize = 32;
+        let ([a, b, c], (area, normal)) = (from.map(DVec3::from), area_and_normal(from));
+        let (u, v) = ((b - a) / STEPS as f64, (c - a) / STEPS as f64);
+        let seen = |s: f64, t: f64| point_to_triangle((a + s * u + t * v).into(), normal.into(), to);
+        let mut sum = 0.0;
+        for i in 0..STEPS {
+            for j in 0..STEPS - i {
+                sum += seen(i as f64 + 1.0 / 3.0, j as f64 + 1.0 / 3.0);
+                if i + j + 1 < STEPS {
+                    sum += seen(i as f64 + 2.0 / 3.0, j as f64 + 2.0 / 3.0);
+                }
+            }
+        }
+        area * sum / (STEPS * STEPS) as f64
+    }
+
+    proptest! {
+        #[test]
+        fn form_factors_times_areas_are_the_same_both_ways(a in triangle(0.0), b in triangle(1.2)) {
+            let (there, back) = (exchange(&a, &b), exchange(&b, &a));
+            prop_assert!((0.0..=area_and_normal(&a).0).contains(&there));
+            // A ten-thousandth of the smaller area for those that see each other across a horizon.
+            let least = area_and_normal(&a).0.min(area_and_normal(&b).0);
+            prop_assert!((there - back).abs() <= 2e-3 * there.max(back) + 1e-4 * least, "{there} {back}");
+        }
+    }
 
     fn square(corners: [[f64; 3]; 4], x: [f64; 3], n_x: [f64; 3]) -> f64 {
         let [a, b, c, d] = corners;
@@ -119,5 +164,22 @@ mod tests {
         let flat = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]];
         assert_eq!(point_to_triangle([0.2, 0.2, 0.0], [0., 0., 1.], &flat), 0.0);
         assert_eq!(point_to_triangle([0.0, 0.0, 0.0], [0., 0., -1.], &flat), 0.0);
+    }
+
+    #[test]
+    fn parts_of_a_sliver_see_nothing_of_each_other() {
+        let (a, b) = (DVec3::new(0.3, -0.7, 0.9), DVec3::new(-0.8, 0.45, 0.1));
+        let c = (a + b) / 2.0 + 1e-6 * DVec3::new(0.2, 0.9, -0.4);
+        let normal = (b - a).cross(c - a).normalize();
+        let at = |s: f64, t: f64| a + s * (b - a) + t * (c - a);
+        for k in 0..16 {
+            let s = k as f64 / 16.0;
+            let part = [at(s, 0.0), at(s + 0.05, 0.0), at(s + 0.02, 0.03)].map(Into::into);
+            for other in [at(s + 0.02, 0.01), at(0.97 - s, 0.02)] {
+                for side in [normal, -normal] {
+                    assert_eq!(point_to_triangle(other.into(), side.into(), &part), 0.0, "{k}");
+                }
+            }
+        }
     }
 }

@@ -19,7 +19,7 @@ use std::fmt;
 use crate::facing::{Facing, FacingTest};
 pub use crate::lists_batches::{Batch, Batches};
 use crate::lists_traversal::traverse;
-use crate::octree::{Grid, Octree, OctreeError};
+use crate::octree::{Grid, NO_BOX, Octree, OctreeError};
 
 /// An operator for an offset beyond the classical interaction list serves a few pairs only, and making it takes as long as
 /// this many translations.
@@ -164,6 +164,23 @@ impl Lists {
             assert_eq!(rows.starts.len(), targets.n_boxes() + 1, "rows");
             assert_eq!(rows.starts[targets.n_boxes()], rows.boxes.len(), "entries");
         }
+    }
+
+    /// Whether the points of a target leaf meet those of a source leaf, through the rows of any boxes above them.
+    pub fn have(&self, targets: &Octree, leaf: u32, sources: &Octree, source: u32) -> bool {
+        let above = |tree: &Octree, leaf: u32| -> Vec<u32> {
+            std::iter::successors(Some(leaf), |&b| Some(tree.parent[b as usize]).filter(|&b| b != NO_BOX)).collect()
+        };
+        let (over_target, over_source) = (above(targets, leaf), above(sources, source));
+        let meets = |rows: &Rows, t: u32, boxes: &[u32]| {
+            let row = rows.row(t as usize);
+            boxes.iter().any(|s| row.binary_search(s).is_ok())
+        };
+        meets(&self.near_neighbours, leaf, &[source])
+            || meets(&self.multipole_interaction_list, leaf, &over_source)
+            || over_target.iter().any(|&t| {
+                meets(&self.interaction_list, t, &over_source) || meets(&self.local_interaction_list, t, &[source])
+            })
     }
 
     /// The four lists.

@@ -176,6 +176,8 @@ impl Part {
 
     fn end_row(&mut self) {
         for rows in self.rows() {
+            let start = rows.starts.last().copied().unwrap_or(0);
+            rows.boxes[start..].sort_unstable();
             rows.starts.push(rows.boxes.len());
         }
     }

@@ -201,6 +201,18 @@ impl Correction {
         Ok(())
     }
 
+    /// What each source (N,) sends by the correction for one unit of strength, from the areas (M,) of the receivers.
+    pub fn sent(&self, areas: &[f64]) -> Result<Vec<f64>, Error> {
+        same_length("receiver areas", self.starts.len(), areas.len() + 1)?;
+        let mut sent = vec![0.0; self.count];
+        for (i, area) in areas.iter().enumerate() {
+            for e in self.starts[i]..self.starts[i + 1] {
+                sent[self.sources[e] as usize] += self.values[e] * area;
+            }
+        }
+        Ok(sent)
+    }
+
     /// Entries of the sparse matrix.
     pub fn len(&self) -> usize {
         self.values.len()

@@ -41,7 +41,10 @@ def measure(
     chosen = rng.choice(len(points), size=min(settings.probes, len(points)), replace=False)
     sums, judged = space.sums, (points[chosen], normals[chosen])
     if space.open:
-        exact = Sums(sums.particles, None, sums.near_reach).direct_operator(*judged).apply(radiosity)
+        judge = Sums(sums.particles, None, sums.near_reach).direct_operator(*judged)
+        if space.lit is not None:
+            judge.balanced(space.closed, space.lit)
+        exact = judge.apply(radiosity)
     else:
         exact = by_rays(sums, radiosity, *judged)
     exact = exact + direct(*judged)

@@ -21,13 +21,18 @@ class DirectSpace:
 
     def __init__(self, sums: Sums) -> None:
         self.sums = sums
+        self._lit: NDArray[np.bool_] | None = None
         self._gathered: tuple[NDArray[np.float64], NDArray[np.float64], list[Operator]] | None = None
 
     def exchange(self, tick: Tick = silent) -> Operator:
         particles = self.sums.particles
         if self.sums.occlusion is not None:
             _check_memory(len(particles), 16 * len(particles) * self.sums.sources.words)
-        return self.sums.direct_operator(particles.positions, particles.normals, True, tick)
+        operator = self.sums.direct_operator(particles.positions, particles.normals, True, tick)
+        if self.sums.occlusion is None:
+            return operator
+        self._lit = operator.balanced(self.sums.closed, symmetric=True).lit
+        return operator
 
     def gather(
         self,
@@ -47,6 +52,8 @@ class DirectSpace:
         for start in range(0, len(points), size):
             rows = slice(start, start + size)
             operator = self.sums.direct_operator(points[rows], normals[rows])
+            if self._lit is not None:
+                operator.balanced(self.sums.closed, self._lit)
             irradiance[rows] = operator.apply(radiosity)
             if keep:
                 operators.append(operator)

@@ -39,7 +39,8 @@ def gmres(
     Ends when no particle has more than the tolerance's share of its light still to come; or at the cap of applications,
     with a warning.
     """
-    count = 0
+    # Nobody receives more than a hemisphere full of the brightest, so that no bounce is larger than this share.
+    most, count = float(albedo.max(initial=0.0)), 0
 
     def reflect(radiosity: Colours) -> Colours:
         nonlocal count
@@ -50,7 +51,7 @@ def gmres(
     radiosity, unshot, ratio = own.copy(), own, 1.0
     for _ in range(min(STEPS, settings.max_iterations)):
         before, unshot = particles.weights @ unshot, reflect(unshot)
-        ratio = float((particles.weights @ unshot / np.where(before > 0, before, 1.0)).max())
+        ratio = min(most, float((particles.weights @ unshot / np.where(before > 0, before, 1.0)).max()))
         report.residuals.append(_largest(unshot, radiosity + unshot))
         if _remaining(report.residuals[-1], ratio) <= settings.tolerance:
             return np.maximum(radiosity + unshot, 0.0)

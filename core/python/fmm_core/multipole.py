@@ -2,11 +2,13 @@
 """The fast multipole method: octrees, interaction lists and expansions in place of the sum over all pairs."""
 
 import time
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
+from .balance import is_watertight
 from .cost import choose_grouping
 from .progress import Tick, silent
 from .settings import Settings
@@ -32,6 +34,7 @@ class MultipoleSpace:
     counts     how much work the exchange does, by pass
     pairs      pairs of boxes that see each other as a whole, that were postponed because they may not, and that do not
     open       whether nothing is in the way of anything
+    lit        (N, 1) which particles others can see
     occlusion_seconds   seconds that visibility took in the sum made last
     """
 
@@ -45,6 +48,7 @@ class MultipoleSpace:
         self.pairs = (0, 0, 0)
         self.occlusion_seconds, self.open = 0.0, True
         self._gathered: tuple[Points, Points, float, Operator] | None = None
+        self.lit: NDArray[np.bool_] | None = None
 
     def exchange(self, tick: Tick = silent) -> Operator:
         tick(0.0)
@@ -53,7 +57,16 @@ class MultipoleSpace:
             None, points, normals, particle_rays(self._settings, len(self.sums.particles)), tick
         )
         self.counts, self.pairs = fmm.counts(), fmm.outcomes()
-        return Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
+        operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
+        if self.sums.occlusion is not None:
+            self.lit = operator.balanced(self.closed).lit
+        return operator
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether light cannot leave the scene, once it is known whether anything is in the way."""
+        occlusion = self.sums.occlusion
+        return occlusion is not None and self.open and is_watertight(occlusion.triangles)
 
     def gather(
         self, points: Points, normals: Points, radiosity: Points, tick: Tick = silent, effort: float = 1.0
@@ -64,6 +77,8 @@ class MultipoleSpace:
         if self._gathered is None or not _same(self._gathered, points, normals, rays):
             fmm, correction = self._fmm((points, normals), points, normals, rays, tick)
             operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
+            if self.lit is not None:
+                operator.balanced(self.closed, self.lit)
             self._gathered = points.copy(), normals.copy(), rays, operator
         return self._gathered[3].apply(radiosity)
 
@@ -93,7 +108,7 @@ class MultipoleSpace:
         self.occlusion_seconds = time.perf_counter() - start
         self.open = self.open and not occluded
         if not occluded:
-            return fmm, self.sums.correction(points, normals, open_space=True)
+            return fmm, self.sums.correction(points, normals, fmm=fmm, open_space=True)
         return fmm, self.sums.correction(points, normals, fmm=fmm)
 
     def _occlude(self, fmm: _binding.Fmm, points: int, rays: float, tick: Tick) -> bool:

@@ -122,6 +122,9 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
     front, triangle = cut.patches, cut.triangle
     back = np.flatnonzero(scene.two_sided[triangle])
     patches = np.concatenate([front, front[back][:, [0, 2, 1]]])
+    # Those of whole triangles: the parts of a sliver are thinner than their rounding.
+    normals = _normals(scene.triangles)[triangle]
+    normals = np.concatenate([normals, -normals[back]])
     triangle = np.concatenate([triangle, triangle[back]])
     of_patches = cut.areas, cut.solid, cut.radii, cut.whole
     areas, solid, radii, whole = (np.concatenate([values, values[back]]) for values in of_patches)
@@ -129,7 +132,7 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
     per_patch = len(shares)
     return Particles(
         positions=np.einsum("kc,pcx->pkx", barycentric, patches).reshape(-1, 3),
-        normals=np.repeat(_normals(patches), per_patch, axis=0),
+        normals=np.repeat(normals, per_patch, axis=0),
         weights=(solid[:, None] * shares).ravel(),
         triangle=np.repeat(triangle, per_patch),
         emits=np.repeat(emits[triangle], per_patch),

@@ -15,8 +15,12 @@ from .sky import Sky
 
 #: Artists set albedo to 1 all the time; light would then never die out.
 MAX_ALBEDO = 0.999
+#: Below this products of coordinates vanish.
+SMALLEST = 1e-60
 #: Scenes whose centre is this many times their size away from the origin are moved there.
 FAR = 10.0
+#: Tells the corners of triangles apart by one number each.
+_SPREAD = np.random.default_rng(0).random(9)
 
 
 class Scene:
@@ -33,8 +37,9 @@ class Scene:
     warnings    what was changed or left out, one line each
     origin      (3,) where the coordinates of the triangles count from, 0 as given
 
-    Triangles without area are left out with a warning, and wholly transparent ones without; `triangle_indices` (T',)
-    says which ones remain.
+    Triangles without area are left out with a warning, wholly transparent ones without, and of those that are there
+    twice, and would shine twice, all but the most opaque and brightest with one; `triangle_indices` (T',) says which
+    ones remain.
     Raises `Error` naming the array, the row and the value.
     """
 
@@ -64,6 +69,7 @@ class Scene:
         kept = self._with_area(corners) & (stopped.mean > 0)
         if not kept.any():
             raise Error("opacity: no triangle with an area stops any light")
+        kept[kept] = self._once(corners[kept], [stopped.mean[kept], emitted[kept].sum(axis=1)], sides[kept])
         self.triangle_indices = _frozen(np.flatnonzero(kept))
         self.triangles = _frozen(corners[kept])
         self.albedo = _frozen(self._clamped(reflected[kept]))
@@ -71,6 +77,8 @@ class Scene:
         self.two_sided = _frozen(sides[kept])
         self.opacity = None if stopped.of(kept).is_whole else stopped.of(kept)
         self.centre, self.size = _bounds(self.triangles)
+        if self.size < SMALLEST:
+            raise Error(f"triangles: the scene is {self.size:g} across, expected at least {SMALLEST:g}")
         self.origin = np.zeros(3)
         self.lights, self.sky = checked_lights(lights), _checked_sky(sky)
         self._check_lit()
@@ -120,6 +128,8 @@ class Scene:
             raise Error(
                 "emission: the scene has no emitter, every triangle's emission is 0, and no lamp and no sky that shines"
             )
+        if 0 < self.emission.max() < SMALLEST:
+            raise Error(f"emission: the brightest triangle's is {self.emission.max():g}, expected {SMALLEST:g} or more")
 
     def _with_area(self, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
         edges = corners - np.roll(corners, 1, axis=1)
@@ -133,6 +143,32 @@ class Scene:
         if not kept.all():
             count = len(kept) - np.count_nonzero(kept)
             self.warnings.append(f"{count} of {len(kept)} triangles have no area and are left out")
+        return kept
+
+    def _once(
+        self, corners: NDArray[np.float64], ranks: list[NDArray[np.float64]], two_sided: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """(T,) without those that have the corners of another one, higher in rank, and no side that this has not."""
+        order = np.lexsort(corners.transpose(2, 0, 1), axis=1)
+        # Adding 0 makes -0 equal to 0.
+        places = np.take_along_axis(corners, order[:, :, None], axis=1).reshape(-1, 9) + 0.0
+        turned = (order[:, 1] - order[:, 0]) % 3 == 2
+        # Few are there twice: single numbers sort faster than rows, and tell most of them apart.
+        _, number, count = np.unique((places * _SPREAD).sum(axis=1), return_inverse=True, return_counts=True)
+        several = np.flatnonzero(count[number] > 1)
+        _, place = np.unique(places[several], axis=0, return_inverse=True)
+        place = place.reshape(-1)
+        ranked = np.lexsort([*(-rank[several] for rank in reversed(ranks)), ~two_sided[several], place])
+        both = np.zeros(len(several), bool)
+        both[place[two_sided[several]]] = True
+        side = np.where(both[place], 0, 1 + turned[several])
+        _, first = np.unique(np.column_stack([place, side])[ranked], axis=0, return_index=True)
+        kept = np.ones(len(corners), bool)
+        kept[several] = False
+        kept[several[ranked[first]]] = True
+        if not kept.all():
+            count = len(kept) - np.count_nonzero(kept)
+            self.warnings.append(f"{count} of {self._given} triangles are there twice and are left out once")
         return kept
 
     def _clamped(self, albedo: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 """What the user may choose about a solve."""
 
 import math
+import textwrap
 from dataclasses import dataclass
 from numbers import Integral, Real
 
@@ -90,22 +91,27 @@ class Settings:
         for name, low, high in (("grouping", 1, 1 << 20), ("level", 0, 8), ("particles", 1, 1 << 31)):
             if getattr(self, name) is not None:
                 self._check_integer(name, low, high)
-        if self.quadrature not in (None, 1, 2, 4, 5):
-            raise Error(f"quadrature: expected 1, 2, 4 or 5, got {self.quadrature!r}")
+        if not isinstance(self.quadrature, Integral | None) or self.quadrature not in (None, 1, 2, 4, 5):
+            raise Error(f"quadrature: expected 1, 2, 4 or 5, got {_shown(self.quadrature)}")
         if self.expansion == "compressed" and self.truncation > MAX_COMPRESSED:
             raise Error(f"truncation: the compressed expansion goes up to {MAX_COMPRESSED}, got {self.truncation}")
 
     def _check_integer(self, name: str, low: int, high: int) -> None:
         value = getattr(self, name)
         if not isinstance(value, Integral) or isinstance(value, bool) or not low <= value <= high:
-            raise Error(f"{name}: expected a whole number from {low} to {high}, got {value!r}")
+            raise Error(f"{name}: expected a whole number from {low} to {high}, got {_shown(value)}")
 
     def _check_choice(self, name: str, choices: tuple[str | None, ...]) -> None:
         value = getattr(self, name)
-        if value not in choices:
-            raise Error(f"{name}: expected one of {', '.join(map(str, choices))}, got {value!r}")
+        if not isinstance(value, str | None) or value not in choices:
+            raise Error(f"{name}: expected one of {', '.join(map(str, choices))}, got {_shown(value)}")
 
     def _check_real(self, name: str, low: float, high: float) -> None:
         value = getattr(self, name)
         if not isinstance(value, Real) or not math.isfinite(value) or not low <= value <= high:
-            raise Error(f"{name}: expected a number from {low:g} to {high:g}, got {value!r}")
+            raise Error(f"{name}: expected a number from {low:g} to {high:g}, got {_shown(value)}")
+
+
+def _shown(value: object) -> str:
+    """A value in one line that is not too long."""
+    return textwrap.shorten(repr(value), 80)

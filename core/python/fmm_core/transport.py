@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from . import _binding
 from .arrays import ROUNDING
+from .balance import SEEN, is_closed, received_balance, sent_balance
 from .fit import Sight, clear_sight, find_sight
 from .particles import Particles
 from .progress import Tick, silent
@@ -30,14 +31,39 @@ class Operator:
     ) -> None:
         self._weights = particles.weights[:, None]
         self._sum, self._correction = summation, correction
+        self._received: NDArray[np.float64] | float = 1.0
+        self._sent: NDArray[np.float64] | float = 1.0
+        self.lit: NDArray[np.bool_] | None = None
+
+    def balanced(self, closed: bool, lit: NDArray[np.bool_] | None = None, symmetric: bool = False) -> "Operator":
+        """The same, made to keep the energy (`balance.py`); closed: light cannot leave the scene.
+
+        lit: (N, 1) which particles others can see, None where the receivers are the particles themselves, and tell.
+        symmetric: so they are, and the sum gives either of two the same from the other.
+        """
+        self.lit = self._rows(np.ones_like(self._weights)) > SEEN if lit is None else lit
+        self._received = received_balance(self._rows(self.lit), closed)
+        if symmetric:
+            areas = self._weights * self._received
+            columns = self._sum(np.repeat(areas, 3, axis=1))[:, :1] + self._correction.sent(areas[:, 0])[:, None]
+            self._sent = sent_balance(columns)
+            if (self._sent < 1).any():
+                self._received = 1.0
+                self._received = received_balance(self._rows(self.lit), closed)
+        return self
+
+    def _rows(self, radiosity: NDArray) -> NDArray[np.float64]:
+        """(M, 1) what each receiver gets from particles of this radiosity (N, 1)."""
+        return self.apply(np.repeat(radiosity, 3, axis=1))[:, :1]
 
     def apply(self, radiosity: NDArray[np.float64]) -> NDArray[np.float64]:
         """Irradiance (M, 3) at the receivers for the particles' radiosity (N, 3), both W/m^2; linear, so that a little
         less than nothing may be left where a correction subtracts what the sum has added.
         """
-        strengths = self._weights * radiosity
+        strengths = self._weights * self._sent * radiosity
         irradiance = self._sum(strengths)
         self._correction.add(strengths, irradiance)
+        irradiance *= self._received
         return irradiance
 
 
@@ -74,6 +100,11 @@ class Sums:
         self.sources = _binding.Sources(
             particles.positions, particles.normals, particles.softening, particles.areas, particles.per_patch
         )
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether light cannot leave the scene."""
+        return self.occlusion is not None and is_closed(self.occlusion, self.particles)
 
     @cached_property
     def surface(self) -> _binding.Surface | None:
@@ -120,12 +151,14 @@ class Sums:
 
         open_space: nothing can be in the way, so that no ray is needed.
         """
-        if fmm is None:
+        if fmm is None or open_space:
             near = _binding.NearField(points, normals, self.particles.patches, self._reach)
         else:
             near = fmm.near_field(points, normals, self.particles.patches, self._reach, self.particles.per_patch)
         fractions, counted = np.ones(len(near)), None
-        if self.occlusion is not None and not open_space:
+        if open_space and fmm is not None:
+            counted, _, _ = fmm.near_seen(near, self.particles.per_patch)
+        elif self.occlusion is not None and not open_space:
             asked = np.ones(len(near), dtype=bool)
             if fmm is not None:
                 counted, whole, share = fmm.near_seen(near, self.particles.per_patch)

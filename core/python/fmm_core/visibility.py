@@ -123,6 +123,18 @@ class Occlusion:
         self.rays += BURIED_RAYS * len(points)
         return 2 * backs > BURIED_RAYS
 
+    def missed(self, points: NDArray[np.float64], normals: NDArray[np.float64], rays: int) -> NDArray[np.int64]:
+        """(M,) of so many rays over the hemisphere of each point, those that meet nothing, or a one-sided back."""
+        rng = np.random.default_rng(0)
+        directions = rng.normal(size=(len(points), rays, 3))
+        directions = directions / np.linalg.norm(directions, axis=2, keepdims=True) + (1 + 1e-6) * normals[:, None]
+        origins = np.repeat(self._lifted(points, normals).astype(np.float32), rays, axis=0)
+        directions = directions.reshape(-1, 3)
+        met = self._scene.run(origins, directions.astype(np.float32), query="INTERSECT")
+        self.rays += len(origins)
+        lost = (met < 0) | (((self._normals[met] * directions).sum(axis=1) > 0) & ~self._two_sided[met])
+        return np.count_nonzero(lost.reshape(-1, rays), axis=1)
+
     def surface(self, particles: Particles) -> _binding.Surface:
         """The triangles, with what tells which particle stands for a point on them."""
         parts = particles.edges, particles.fractions, particles.parts, particles.rule

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Nobody receives more than a hemisphere holds, nobody sends more than he has, and closed rooms lose nothing."""
+
+import fmm_core
+import numpy as np
+import pytest
+import shapes
+from fmm_core.balance import is_closed, is_watertight
+from fmm_core.particles import make_particles
+from fmm_core.visibility import Occlusion
+
+ROOM = shapes.room()
+#: Its fronts look out.
+BLOCK = shapes.room((0.4, 0.3, 0.5))[:, ::-1] + [0.3, 0.4, 0.0]
+WINDOW = np.concatenate([ROOM[:-2], shapes.quad([0, 0, 1], [0, 1, 1], [1, 1, 1], [1, 0, 1])[:1]])
+
+
+def closed(triangles):
+    scene = fmm_core.Scene(triangles, 0.5, 1.0)
+    return is_closed(Occlusion(scene), make_particles(scene, 600, 1))
+
+
+def test_a_room_is_closed_with_a_block_in_it_and_open_through_a_window():
+    assert closed(ROOM)
+    assert closed(np.concatenate([ROOM, BLOCK]))
+    assert not closed(WINDOW)
+    assert not closed(np.concatenate([BLOCK, BLOCK + [1.0, 0, 0]]))
+
+
+def test_a_mesh_is_watertight_by_its_edges():
+    assert is_watertight(ROOM * (1 + 1e-15 * np.random.default_rng(0).uniform(-1, 1, ROOM.shape)))
+    assert is_watertight(shapes.sphere(1.0, 2, inward=True) + 3.0)
+    for open_one in (WINDOW, BLOCK, ROOM[:-1], shapes.sphere(1.0, 2)):
+        assert not is_watertight(open_one)
+
+
+@pytest.mark.parametrize("method", ["direct", "fmm"])
+def test_a_window_still_lets_light_out(method):
+    settings = fmm_core.Settings(method=method, probes=0)
+    half = ROOM[:-1]
+    lost = {}
+    for name, room in (("room", ROOM), ("window", half)):
+        solution = fmm_core.solve(fmm_core.Scene(room, 0.9, 1.0), settings)
+        lost[name] = 10 - np.average(solution.radiosity[:, 0], weights=solution.particles.weights)
+    # A twelfth of the area is gone: a chance of 1/12 to leave at each bounce makes about 1 / (1 - 0.9 * 11 / 12).
+    assert abs(lost["room"]) < 1e-3
+    assert 10 - lost["window"] == pytest.approx(1 / (1 - 0.9 * 11 / 12), rel=0.03)
+
+
+@pytest.mark.parametrize("method", ["direct", "fmm"])
+def test_meshes_that_run_through_each_other_do_not_make_light_grow(method):
+    rng = np.random.default_rng(5)
+    pieces = [ROOM] + [shapes.room((0.5, 0.4, 0.6))[:, ::-1] + rng.uniform(0, 0.5, 3) for _ in range(4)]
+    triangles = np.concatenate(pieces)
+    # A room of radiosity 1 / (1 - 0.999), with blocks that shine less: nothing in it is brighter.
+    emission = np.where(np.arange(len(triangles)) < len(ROOM), 1.0, 0.5)
+    settings = fmm_core.Settings(method=method, particles=600, probes=0)
+    solution = fmm_core.solve(fmm_core.Scene(triangles, 0.999, emission), settings)
+    assert solution.report["warnings"] == []
+    assert solution.radiosity.max() <= 1000 * (1 + 1e-3)
+
+
+def test_a_large_patch_does_not_take_a_small_lamp_for_its_own_size():
+    floor = shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0])
+    # Face down, just above the only point of a patch.
+    lamp = 1e-3 * shapes.quad([-1, -1, 0], [-1, 1, 0], [1, 1, 0], [1, -1, 0])
+    settings = fmm_core.Settings(method="direct", particles=8, quadrature=1, probes=0)
+    emission = np.array([0, 0, 1.0, 1.0])
+    apart = fmm_core.solve(fmm_core.Scene(np.concatenate([floor, lamp + [0.5, 0.5, 9]]), 0.0, emission), settings)
+    below = apart.particles.positions[apart.particles.triangle == 0][0] + [0, 0, 1e-4]
+    solution = fmm_core.solve(fmm_core.Scene(np.concatenate([floor, lamp + below]), 0.5, emission), settings)
+    particles = solution.particles
+    received = particles.weights * solution.irradiance(particles.positions, particles.normals)[:, 0]
+    exchanged = particles.weights * (solution.radiosity[:, 0] - emission[particles.triangle]) / 0.5
+    assert received.sum() > 100 * 4e-6
+    assert exchanged.sum() <= 4e-6 * 1.06

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Random ugly meshes, small enough to be solved by the hundred."""
+
+import fmm_core
+import numpy as np
+import shapes
+from hypothesis import assume
+from hypothesis import strategies as st
+
+KINDS = ("triangle", "quad", "box", "room", "sliver", "speck", "double", "opposite", "near", "line", "fan")
+
+#: Distance of a piece from the one it is a copy of: the two ends of a ray are lifted by less together.
+NEAR = 2e-5
+
+
+def _piece(kind, rng, before):
+    """Triangles (T, 3, 3) of one piece; some of them are made of the pieces before."""
+    corners = rng.uniform(-1, 1, (3, 3))
+    if kind in ("double", "opposite", "near") and before:
+        again = before[rng.integers(len(before))]
+        turned = again if kind == "double" else again[:, ::-1]
+        cross = np.cross(again[0, 1] - again[0, 0], again[0, 2] - again[0, 0])
+        # Closer than rays can tell apart nothing is promised.
+        apart = NEAR * cross / max(np.linalg.norm(cross), 1e-300)
+        return turned + (apart if kind == "near" else 0.0)
+    if kind == "quad":
+        a, b, c = corners
+        return shapes.quad(a, b, c, a + c - b)
+    if kind in ("box", "room"):
+        size = rng.uniform(0.1, 2.0, 3)
+        box = shapes.room(size) + rng.uniform(-1, 1, 3) - size / 2
+        return box[:, ::-1] if kind == "box" else box
+    if kind == "sliver":
+        a, b, _ = corners
+        return np.array([[a, b, (a + b) / 2 + 1e-6 * corners[2]]])
+    if kind == "speck":
+        return (corners[0] + 1e-3 * rng.uniform(-1, 1, (3, 3)))[None]
+    if kind == "line":
+        a, b, _ = corners
+        return np.array([[a, b, (a + b) / 2]])
+    if kind == "fan":
+        hub, edge = corners[:2]
+        return np.array([[hub, edge, end] for end in rng.uniform(-1, 1, (4, 3))])
+    return corners[None]
+
+
+@st.composite
+def scenes(draw):
+    """A `Scene` of one to six pieces that may cross, touch, double or hide each other."""
+    kinds = draw(st.lists(st.sampled_from(KINDS), min_size=1, max_size=6))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    pieces = []
+    for kind in kinds:
+        pieces.append(_piece(kind, rng, pieces))
+    triangles = np.concatenate(pieces)
+    count = len(triangles)
+    albedo = draw(st.sampled_from([0.0, 0.5, 0.9, 1.0]))
+    emission = 10.0 ** rng.uniform(-4, 4, (count, 3)) * (rng.random((count, 1)) < 0.5)
+    emission[rng.integers(count)] = 1.0
+    two_sided = rng.random(count) < draw(st.sampled_from([0.0, 0.5, 1.0]))
+    try:
+        return fmm_core.Scene(triangles, albedo * rng.random((count, 3)) ** 0.2, emission, two_sided)
+    except fmm_core.Error:
+        # The only emitter, or all there is, may have no area.
+        assume(False)
