@@ -65,7 +65,7 @@ def gmres(
             break
         scale = _brightness(radiosity)
         columns = min(LARGEST_BASIS, settings.max_iterations - count - 1)
-        wanted = 0.2 * settings.tolerance * (1 - min(ratio, 0.99))
+        wanted = 0.2 * settings.tolerance * (1 - min(ratio, 0.9999))
         step = _solved(lambda y, scale=scale: y - reflect(scale * y) / scale, residual / scale, wanted, columns, report)
         radiosity = radiosity + scale * step
         residual = own + reflect(radiosity) - radiosity
