@@ -73,6 +73,19 @@ def test_colours_are_fitted_to_the_light_on_the_faces(build, command, read, tmp_
     assert np.abs(solutions["fit"] - solutions["points"]).max() > 0.01
 
 
+def test_a_room_of_negative_scale_bakes_like_itself(build):
+    glow = build.material("Glow", "ShaderNodeBsdfPrincipled", Base_Color=(0.5, 0.5, 0.5), Emission_Strength=1.0)
+    room = build.cube("Room", glow, size=2.0, inward=True)
+    found = []
+    for scale in ((1, 1, 1), (-1, 1, 1), (-1, -1, -1)):
+        room.scale = scale
+        assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+        found.append(baked(room.data)[:, :3])
+    assert found[0].min() > 1.5
+    for mirrored in found[1:]:
+        assert mirrored == pytest.approx(found[0], rel=1e-3)
+
+
 def test_operator_and_command_line_agree(build, command, tmp_path):
     build.room()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"))
