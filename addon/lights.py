@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 # What Cycles makes of the narrowest spread, in radians.
 _LEAST_SPREAD = math.radians(1.0)
-# Sides of a scaled lamp may differ by rounding.
-_EQUAL = 1e-4
+# Bounces from which on a limit makes no difference that is worth a word.
+_MANY_BOUNCES = 8
 
 
 def read_light(obj: bpy.types.Object, matrix: np.ndarray) -> tuple[fmm_core.Light | None, list[str]]:
@@ -25,15 +25,18 @@ def read_light(obj: bpy.types.Object, matrix: np.ndarray) -> tuple[fmm_core.Ligh
     Raises fmm_core.Error naming lamp and value where one is out of bounds.
     """
     lamp = obj.data
-    if not obj.visible_diffuse or getattr(lamp.cycles, "is_portal", False):
+    # Only there while Cycles is switched on.
+    cycles = getattr(lamp, "cycles", None)
+    if not obj.visible_diffuse or getattr(cycles, "is_portal", False):
         return None, []
     power, remarks = _power(lamp)
     if min(power) < 0:
         return None, ["has negative power, which is not simulated: left out"]
     if max(power) == 0:
         return None, []
-    if getattr(lamp.cycles, "max_bounces", 1024) < 4:
-        remarks.append(f"its limit of {lamp.cycles.max_bounces} bounces is not simulated")
+    bounces = getattr(cycles, "max_bounces", _MANY_BOUNCES)
+    if bounces < _MANY_BOUNCES:
+        remarks.append(f"has a limit of {bounces} bounces, which is not simulated")
     remarks += linking_remarks(obj)
     try:
         return _READERS[lamp.type](lamp, matrix, power), remarks
@@ -46,7 +49,7 @@ def linking_remarks(obj: bpy.types.Object) -> list[str]:
     linking = getattr(obj, "light_linking", None)
     if linking is None or (linking.receiver_collection is None and linking.blocker_collection is None):
         return []
-    return ["its light linking is not simulated: it lights everything, and everything shades it"]
+    return ["has light linking, which is not simulated: it lights everything, and everything shades it"]
 
 
 def visibility_remarks(obj: bpy.types.Object) -> list[str]:

@@ -31,6 +31,8 @@ def read_world(scene: bpy.types.Scene) -> tuple[fmm_core.Sky | None, list[str]]:
     if world is None or not getattr(getattr(world, "cycles_visibility", None), "diffuse", True):
         return None, []
     constant, remarks = _constant(world), []
+    if constant is None and not hasattr(scene, "cycles"):
+        return None, ["its nodes are evaluated by Cycles, which is switched off: left out"]
     try:
         if constant is not None:
             sky = fmm_core.Sky(constant)

@@ -101,8 +101,8 @@ def test_what_is_not_simulated_is_named(build, read):
     arrays = read()
     assert arrays.warnings == (
         "object 'Floor' is hidden from shadow rays, which is not simulated: it blocks and reflects light",
-        "light 'Lamp' its limit of 1 bounces is not simulated",
-        "light 'Lamp' its light linking is not simulated: it lights everything, and everything shades it",
+        "light 'Lamp' has a limit of 1 bounces, which is not simulated",
+        "light 'Lamp' has light linking, which is not simulated: it lights everything, and everything shades it",
     )
 
 
@@ -149,9 +149,9 @@ def test_default_scene_bakes():
     bpy.context.scene.fmm_radiosity.particles = 300
     assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
     colours = baked(bpy.data.meshes["Cube"])[:, :3]
-    # The grey world alone gives 0.05 * 0.8.
+    # The grey world alone gives 0.05 * 0.8; with the lamp the middle of the top has 0.41.
     assert colours.min() == pytest.approx(0.04, rel=0.05)
-    assert colours.max() > 0.5
+    assert 0.41 < colours.max() < 0.6
 
 
 def test_other_power_and_sky_trace_no_ray(build, fmm):
