@@ -137,7 +137,7 @@ def bake(name):
     LIGHTS[name]()
     bpy.context.view_layer.update()
     baking = importlib.import_module("fmm_radiosity.addon.bake")
-    data = baking.read(bpy.context)
+    data = baking.read(bpy.context, colours="POINTS")
     result = baking.compute(data, importlib.import_module("fmm_core").Settings())
     arrays = data.arrays
     ours = (np.pi * result.colours - arrays.corner_emission) / np.maximum(arrays.corner_albedo, 1e-9)
