@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
     Array = np.ndarray
 
+#: Least share of its colour that a transparent pixel keeps, so that there is one where nothing is seen.
+TRACE = 1 / 512
 #: Colour spaces of byte images that need no conversion, and whose transparent pixels keep their colour.
 _DATA = {"Non-Color", "Raw"}
 _LINEAR = {*_DATA, "Linear Rec.709", "Linear"}
@@ -46,6 +48,7 @@ class Image:
         if image.alpha_mode == "NONE":
             self._pixels[..., 3] = 1.0
         if self._multiplied and not image.is_float:
+            self._pixels[..., 3] = np.maximum(self._pixels[..., 3], TRACE)
             self._pixels[..., :3] *= self._pixels[..., 3:]
 
     def at(self, places: Array, interpolation: str, extension: str, with_alpha: bool) -> Array:
@@ -65,6 +68,7 @@ class Image:
         if with_alpha and self._multiplied:
             alpha = found[:, 3:]
             found[:, :3] /= np.where(alpha > 0, alpha, 1.0)
+            alpha[alpha < 1.001 * TRACE] = 0.0
         if self.encoded:
             found[:, :3] = linear(found[:, :3])
         return found
