@@ -32,16 +32,14 @@ class Unreadable(Exception):
 class Points:
     """S places on a mesh: each a mean, by weights (S, K), of its corners (S, K).
 
-    back: seen from the back; texels (S,) or None: the finest image pixels asked for so far, as places (S, 2) among them
+    back: seen from the back; texels: places (S, 2) among the pixels of each image that was asked for
     varies, sided: whether anything was asked for that differs from place to place, or from front to back
-    bake: finds what a node gives at all places, with Cycles, or None where that shall not happen
     """
 
     layers: Layers
     corners: Array
     weights: Array
     back: bool = False
-    bake: Callable[[bpy.types.NodeSocket, Points], Array] | None = None
     varies: bool = False
     sided: bool = False
     texels: list[Array] = field(default_factory=list)
@@ -122,15 +120,9 @@ class Values:
             reader = READERS.get(node.bl_idname)
             found = reader(self, node, socket) if reader else None
             if found is None:
-                found = self._baked(node, socket)
+                raise Unreadable(node.name)
             self._known[key] = found
         return self._known[key]
-
-    def _baked(self, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array:
-        if self.points.bake is None or self._groups:
-            raise Unreadable(node.name)
-        self.points.varies = True
-        return self.points.bake(socket, self.points)
 
 
 def _twin(sockets: bpy.types.bpy_prop_collection, of: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

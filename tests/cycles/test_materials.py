@@ -41,3 +41,10 @@ def test_specular_reflection_counts_as_albedo(tmp_path):
     """Its share depends on directions in Cycles; here it is the mean over all of them. Left out, this is 5 % off."""
     ours, cycles = bake_both("plastic", 1024, tmp_path)
     assert error(ours, cycles) < 0.03
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(reason="a normal that leans over sees a little of the floor that it stands on, by 2 % here")
+def test_normals_that_lean_over_are_used_as_in_cycles(tmp_path):
+    ours, cycles = bake_both("bent normals", 128, tmp_path)
+    assert error(ours, cycles) < 0.01

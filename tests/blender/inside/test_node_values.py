@@ -160,6 +160,7 @@ CHAINS = {
     "bright": lambda new: new("BrightContrast", texture(new), 0.2, 0.6),
     "hue": lambda new: new("HueSaturation", 0.7, 1.6, 0.8, 0.9, texture(new)),
     "invert": lambda new: new("Invert", 0.7, texture(new)),
+    "checker": lambda new: new("TexChecker", new("TexCoord", output="UV"), RED, BLUE, 2.3),
     "grey": lambda new: new("RGBToBW", texture(new)),
     "grey by itself": lambda new: new("Math", texture(new), 0.0),
     "separate": lambda new: new("SeparateColor", texture(new), output=2),
