@@ -31,6 +31,8 @@ MOST_COLOURS, MOST_ALPHA = 64, 128
 SAMPLES_A_PIXEL = 4
 #: And samples where values come from no image, whose pixels tell how fine they are.
 UNKNOWN = 8
+#: Samples along the edge of a triangle of the size of a part at most: what is small is seen from afar, but for four.
+SAMPLES_A_PART, FEW = 16, 4
 #: Samples of one material on one mesh at most.
 MOST_SAMPLES = 1 << 21
 #: Parts that the edge of a triangle is cut into at most.
@@ -167,6 +169,7 @@ def _sampled(read: Callable[[Points], Surface], layers: Layers, corners: Array, 
         texels = np.max([_longest(places.reshape(-1, 3, 2)) for places in points.texels], axis=0)
     world = layers.world[corners]
     parts = _power_of_two(np.clip(_longest(world) / detail, 1, MOST_PARTS) / np.sqrt(2))
+    most = np.clip(SAMPLES_A_PART * _longest(world) / detail, FEW, most)
     steps = _power_of_two(np.clip(SAMPLES_A_PIXEL * texels, 1, most))
     while (steps**2).sum() > MOST_SAMPLES and steps.max() > 1:
         steps = np.minimum(steps, steps.max() // 2)
