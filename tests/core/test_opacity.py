@@ -75,6 +75,22 @@ def test_a_dark_sheet_lets_its_share_through(opacity, method):
     assert relative(through, (1 - opacity) * irradiance(np.concatenate([LAMP, FLOOR]))) < 0.01
 
 
+@pytest.mark.parametrize("radius", [0.0, 0.2])
+def test_a_lamp_shines_through_veils_without_noise(radius):
+    veils, opacity = np.concatenate([SHEET, SHEET + [0, 0, 0.3]]), [0.3, 0.3, 0.25, 0.25]
+    lamp = fmm_core.PointLight(np.array([0.5, 0.5, 2.0]), intensity=10.0, radius=radius)
+
+    def lit(opacity, kept=None):
+        scene = fmm_core.Scene(np.concatenate([veils, FLOOR]), 0.0, 0.0, opacity=[*opacity, 1, 1], lights=[lamp])
+        settings = fmm_core.Settings(particles=300, probes=0)
+        return fmm_core.solve(scene, settings, kept=kept).irradiance(POINTS, UP)
+
+    kept = fmm_core.KeptVisibility()
+    found = lit(opacity, kept)
+    assert relative(found, 0.7 * 0.75 * lit([0, 0, 0, 0])) < 1e-3
+    assert (lit(opacity, kept) == found).all()
+
+
 @METHODS
 def test_cells_shade_like_triangles_of_their_own(method):
     steps, cells = 5, np.random.default_rng(2).random((2, 25)) < 0.5
@@ -107,6 +123,20 @@ def test_a_furnace_does_not_see_what_is_transparent(method):
     assert solution.irradiance(points, normals).mean() == pytest.approx(2.0, rel=0.003)
     assert np.abs(solution.irradiance(points, normals) - 2.0).max() < 0.1
     assert relative(solution.radiosity, np.full(solution.radiosity.shape, 2.0)) < 0.02
+
+
+@METHODS
+def test_a_room_loses_light_through_a_ceiling_of_glass(method):
+    room = shapes.subdivided_room(4)
+    above, below = (room[:, :, 2].min(axis=1) > 0.99), (room[:, :, 2].max(axis=1) < 0.01)
+
+    def solved(opacity, albedo):
+        scene = fmm_core.Scene(room, albedo, np.where(below, 1.0, 0.0), opacity=opacity)
+        settings = fmm_core.Settings(method=method, particles=3000, probes=0)
+        return fmm_core.solve(scene, settings).irradiance(POINTS * [0.8, 0.8, 0] + [0.1, 0.1, 1e-4], UP)
+
+    half = solved(np.where(above, 0.5, 1.0), 0.6)
+    assert relative(half, solved(1.0, np.where(above, 0.3, 0.6))) < 0.005
 
 
 def test_a_sheet_reflects_its_share():

@@ -23,7 +23,7 @@ from .scene import Scene
 VERSION = 1
 #: Bytes of a digest.
 DIGEST = 16
-#: Where on a triangle a ray met it is told in so many steps an edge: more than there are ever patches.
+#: Where on a triangle a ray met it is told in so many steps an edge: more than there are ever patches; shares as well.
 HIT_STEPS = 1 << 15
 _ROW = np.dtype([("digest", np.uint8, DIGEST), ("size", np.int64)])
 
@@ -191,14 +191,20 @@ class Replaying:
 
 def _pack(met: Any, query: str, output: bool) -> bytes:
     if output:
-        steps = (np.round(np.clip(met[name], 0, 1) * np.float32(HIT_STEPS)).astype(np.uint16) for name in ("u", "v"))
-        return b"".join(part.tobytes() for part in (met["primID"].astype(np.int32), *steps))
+        return b"".join(part.tobytes() for part in (met["primID"].astype(np.int32), _steps(met["u"]), _steps(met["v"])))
+    if query == "TRANSMITTED":
+        return _steps(met).tobytes()
     return np.packbits(met == 0).tobytes() if query == "OCCLUDED" else met.astype(np.int32).tobytes()
+
+
+def _steps(shares: NDArray[np.float32]) -> NDArray[np.uint16]:
+    return np.round(np.clip(shares, 0, 1) * np.float32(HIT_STEPS)).astype(np.uint16)
 
 
 def _unpack(answer: bytes | None, count: int, query: str, output: bool) -> Any:
     """What `_pack` packed for so many rays; None where it is something else."""
-    expected = 8 * count if output else (count + 7) // 8 if query == "OCCLUDED" else 4 * count
+    sizes = {"OCCLUDED": (count + 7) // 8, "TRANSMITTED": 2 * count}
+    expected = 8 * count if output else sizes.get(query, 4 * count)
     if answer is None or len(answer) != expected:
         return None
     if output:
@@ -206,6 +212,8 @@ def _unpack(answer: bytes | None, count: int, query: str, output: bool) -> Any:
         return {"primID": np.frombuffer(answer, np.int32, count), "u": u, "v": v}
     if query == "OCCLUDED":
         return np.unpackbits(np.frombuffer(answer, np.uint8), count=count).astype(np.int32) - 1
+    if query == "TRANSMITTED":
+        return np.frombuffer(answer, np.uint16) / np.float32(HIT_STEPS)
     return np.frombuffer(answer, np.int32)
 
 

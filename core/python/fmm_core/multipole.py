@@ -66,7 +66,7 @@ class MultipoleSpace:
     def closed(self) -> bool:
         """Whether light cannot leave the scene, once it is known whether anything is in the way."""
         occlusion = self.sums.occlusion
-        return occlusion is not None and self.open and is_watertight(occlusion.triangles)
+        return occlusion is not None and self.open and occlusion.whole and is_watertight(occlusion.triangles)
 
     def gather(
         self, points: Points, normals: Points, radiosity: Points, tick: Tick = silent, effort: float = 1.0

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Triangles that let a share of the light through, and rays that go on behind them."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -110,17 +111,22 @@ class SeeThrough:
         query: str = "INTERSECT",
         output: bool = False,
     ) -> Any:
-        """As that of embreex; of all that it may return, what `visibility.py` reads."""
+        """As that of embreex; of all that it may return, what `visibility.py` reads.
+
+        There is one query more, "TRANSMITTED": (K,) the share of light that passes along each ray.
+        """
         count = len(origins)
         if query == "OCCLUDED":
             answer = self._tracer.run(origins, directions, dists=dists, query=query)
             # Most rays meet nothing at all.
             asked = np.flatnonzero(answer == 0)
-            ends = None if dists is None else dists[asked]
-            triangles, _, _ = self._met(asked, origins[asked], directions[asked], ends)
+            triangles, _, _ = self._met(asked, origins[asked], directions[asked], dists[asked])
             answer[asked] = np.where(triangles >= 0, 0, -1)
             return answer
-        triangles, u, v = self._met(np.arange(count), origins, directions, dists)
+        if query == "TRANSMITTED":
+            return self._transmitted(origins, directions, dists)
+        ends = np.full(count, np.inf, np.float32) if dists is None else dists
+        triangles, u, v = self._met(np.arange(count), origins, directions, ends)
         return {"primID": triangles, "u": u, "v": v} if output else triangles
 
     def _met(
@@ -128,40 +134,63 @@ class SeeThrough:
         numbers: NDArray[np.int64],
         origins: NDArray[np.float32],
         directions: NDArray[np.float32],
-        ends: NDArray[np.float32] | None,
+        ends: NDArray[np.float32],
     ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
         """What stops each ray: triangle, or -1, and u and v there; numbers (K,) tell the rays apart."""
         count = len(origins)
         triangles, u, v = np.full(count, -1, np.int32), np.zeros(count, np.float32), np.zeros(count, np.float32)
-        rays, last = np.arange(count), np.full(count, -1, np.int32)
-        ends = np.full(count, np.inf, np.float32) if ends is None else ends
+
+        def stop(passed: int, rays: NDArray[np.int64], met: dict[str, NDArray]) -> NDArray[np.bool_]:
+            own = (numbers[rays] + 0.5) * _STRIDES[passed % len(_STRIDES)] % 1.0
+            stopped = own < self._opacity.at(met["primID"], met["u"], met["v"])
+            if passed == MOST_MET - 1:
+                stopped[:] = True
+            triangles[rays[stopped]] = met["primID"][stopped]
+            u[rays[stopped]], v[rays[stopped]] = met["u"][stopped], met["v"][stopped]
+            return stopped
+
+        self._walk(origins, directions, ends, stop)
+        return triangles, u, v
+
+    def _transmitted(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32], ends: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        shares = np.ones(len(origins), np.float32)
+
+        def stop(passed: int, rays: NDArray[np.int64], met: dict[str, NDArray]) -> NDArray[np.bool_]:
+            shares[rays] *= 1 - self._opacity.at(met["primID"], met["u"], met["v"])
+            if passed == MOST_MET - 1:
+                shares[rays] = 0.0
+            return shares[rays] == 0
+
+        self._walk(origins, directions, ends, stop)
+        return shares
+
+    def _walk(
+        self,
+        origins: NDArray[np.float32],
+        directions: NDArray[np.float32],
+        ends: NDArray[np.float32],
+        stop: Callable[[int, NDArray[np.int64], dict[str, NDArray]], NDArray[np.bool_]],
+    ) -> None:
+        """Follows rays from triangle to triangle, up to MOST_MET: stop(passed, rays, what each met) ends some."""
+        rays, last = np.arange(len(origins)), np.full(len(origins), -1, np.int32)
         step = np.float32(BEHIND) / np.linalg.norm(directions, axis=1)
         for passed in range(MOST_MET):
             if len(rays) == 0:
-                break
+                return
             # Embree takes infinite distances for none.
             reach = np.minimum(ends, np.float32(1e30))
             met = self._tracer.run(origins, directions, dists=reach, query="INTERSECT", output=True)
-            hit = np.flatnonzero(met["primID"] >= 0)
-            found = met["primID"][hit]
-            opaque = self._opacity.at(found, met["u"][hit], met["v"][hit])
-            own = (numbers[rays[hit]] + 0.5) * _STRIDES[passed % len(_STRIDES)] % 1.0
+            hit = met["primID"] >= 0
             # A straight ray meets a flat triangle once: what it meets again is rounding.
-            stopped = (own < opaque) & (found != last[hit])
-            ended = hit[stopped]
-            triangles[rays[ended]] = met["primID"][ended]
-            u[rays[ended]], v[rays[ended]] = met["u"][ended], met["v"][ended]
-            on = hit[~stopped]
-            distance = met["tfar"][on] + step[on]
-            origins = origins[on] + distance[:, None] * directions[on]
-            directions, step, rays, last = directions[on], step[on], rays[on], met["primID"][on]
-            ends = ends[on] - distance
-            inside = ends > 0
-            if not inside.all():
-                origins, directions, step = origins[inside], directions[inside], step[inside]
-                rays, last, ends = rays[inside], last[inside], ends[inside]
-        triangles[rays] = last
-        return triangles, u, v
+            new = np.flatnonzero(hit & (met["primID"] != last))
+            hit[new] = ~stop(passed, rays[new], {name: met[name][new] for name in ("primID", "u", "v")})
+            distance = met["tfar"] + step
+            on = np.flatnonzero(hit & (ends > distance))
+            origins = origins[on] + distance[on, None] * directions[on]
+            ends, directions, step = ends[on] - distance[on], directions[on], step[on]
+            rays, last = rays[on], met["primID"][on]
 
 
 def _shares(name: str, values: ArrayLike) -> NDArray[np.float64]:

@@ -50,6 +50,7 @@ class Occlusion:
 
     rays    how many have been asked so far, those included whose answers were kept
     kept    answers of earlier solves, and where those of this one go, or None
+    whole   whether nothing lets any light through
     """
 
     def __init__(self, scene: Scene, kept: KeptVisibility | None = None) -> None:
@@ -64,7 +65,8 @@ class Occlusion:
         self._mesh = embreex.mesh_construction.TriangleMesh(self._scene, corners)
         # The first call commits the scene, which must not happen in several threads at once.
         self._occluded(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
-        if scene.opacity is not None:
+        self.whole = scene.opacity is None
+        if not self.whole:
             self._scene = SeeThrough(self._scene, scene.opacity)
         if kept is not None:
             self._scene = kept.around(self._scene)
@@ -246,7 +248,11 @@ class Occlusion:
         origins = self._lifted(points, normals).astype(np.float32)
         # All ends beyond the scene are as good, and single precision does not reach far.
         reach = np.clip(distances / self._scale - END, 0.0, OUTSIDE)
-        return 1.0 - self._occluded(origins, (directions * reach[:, None]).astype(np.float32))
+        directions = (directions * reach[:, None]).astype(np.float32)
+        if self.whole or len(origins) == 0:
+            return 1.0 - self._occluded(origins, directions)
+        ends = np.ones(len(origins), np.float32)
+        return _on_grid(self._scene.run(origins, directions, dists=ends, query="TRANSMITTED")).astype(np.float64)
 
     def run_blocks(self, work: Callable[[slice], int], count: int, size: int, tick: Tick = silent) -> None:
         """Runs `work` on slices of so many rows, several at once; it returns how many rays it asked."""
@@ -257,7 +263,7 @@ class Occlusion:
 
 
 def _on_grid(shares: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Where on a triangle, as far as it matters: so it takes half as much to keep."""
+    """Where on a triangle, or how much light, as far as it matters: so it takes half as much to keep."""
     return np.round(np.clip(shares, 0, 1) * np.float32(HIT_STEPS)) / np.float32(HIT_STEPS)
 
 
