@@ -23,6 +23,22 @@ pub fn triples<'a, T: Element>(array: &'a PyReadonlyArray2<'_, T>, what: &str) -
     Ok(rows)
 }
 
+/// What is summed in one channel, where all of it is grey, or in three.
+pub enum Channels<'a> {
+    One(&'a [[f64; 1]]),
+    Three(&'a [[f64; 3]]),
+}
+
+/// C-contiguous strengths (N, 1) or (N, 3).
+pub fn channels<'a>(strengths: &'a PyReadonlyArray2<'_, f64>) -> PyResult<Channels<'a>> {
+    let values = strengths.as_slice().map_err(value_error)?;
+    match strengths.as_array().ncols() {
+        1 => Ok(Channels::One(values.as_chunks().0)),
+        3 => Ok(Channels::Three(values.as_chunks().0)),
+        _ => Err(value_error("strengths: expected shape (N, 1) or (N, 3)")),
+    }
+}
+
 /// A C-contiguous (N, 3, 3) array as N triangles.
 pub fn triangles<'a>(array: &'a PyReadonlyArray3<'_, f64>) -> PyResult<&'a [[[f64; 3]; 3]]> {
     if array.as_array().shape()[1..] != [3, 3] {
@@ -36,8 +52,8 @@ pub fn vector<'py, T: Element>(py: Python<'py>, values: Vec<T>) -> Bound<'py, Py
     PyArray1::from_vec(py, values)
 }
 
-/// N triples as an (N, 3) array.
-pub fn table<'py, T: Element>(py: Python<'py>, rows: Vec<[T; 3]>) -> PyResult<Bound<'py, PyArray2<T>>> {
+/// N rows as an (N, C) array.
+pub fn table<'py, T: Element, const C: usize>(py: Python<'py>, rows: Vec<[T; C]>) -> PyResult<Bound<'py, PyArray2<T>>> {
     let count = rows.len();
-    PyArray1::from_vec(py, rows.into_flattened()).reshape([count, 3])
+    PyArray1::from_vec(py, rows.into_flattened()).reshape([count, C])
 }

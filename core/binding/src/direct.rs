@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The direct sum, near patches and rays.
 
-use crate::arrays::{flat, table, triangles, triples, value_error, vector};
+use crate::arrays::{Channels, channels, flat, table, triangles, triples, value_error, vector};
 use fmm::near_field::{Patches, PointSources, Seen};
 use fmm::rays::{FacingRays, Frame, Oriented};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1};
@@ -63,14 +63,26 @@ impl Sources {
         visible: Option<PyReadonlyArray1<u64>>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
-        let strengths = triples(&strengths, "strengths")?;
         let bits = visible.as_ref().map(flat).transpose()?;
-        let sum = py.detach(|| self.sources.irradiance(points, normals, strengths, bits)).map_err(value_error)?;
-        table(py, sum)
+        match channels(&strengths)? {
+            Channels::One(q) => self.sum(py, points, normals, q, bits),
+            Channels::Three(q) => self.sum(py, points, normals, q, bits),
+        }
     }
 }
 
 impl Sources {
+    fn sum<'py, const C: usize>(
+        &self,
+        py: Python<'py>,
+        points: &[[f64; 3]],
+        normals: &[[f64; 3]],
+        strengths: &[[f64; C]],
+        visible: Option<&[u64]>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        table(py, py.detach(|| self.sources.irradiance(points, normals, strengths, visible)).map_err(value_error)?)
+    }
+
     fn oriented(&self) -> Oriented<'_> {
         Oriented { points: &self.positions, normals: &self.normals }
     }
@@ -161,11 +173,14 @@ impl Correction {
         self.correction.len()
     }
 
-    /// Adds the correction for strengths (N, 3) to irradiance (M, 3) in place.
+    /// Adds the correction for strengths (N, C) to irradiance (M, C) in place, C being 1 or 3.
     fn add(&self, py: Python, strengths: Points, mut irradiance: numpy::PyReadwriteArray2<f64>) -> PyResult<()> {
-        let strengths = triples(&strengths, "strengths")?;
-        let (rows, _) = irradiance.as_slice_mut().map_err(value_error)?.as_chunks_mut::<3>();
-        py.detach(|| self.correction.add(strengths, rows)).map_err(value_error)
+        let out = irradiance.as_slice_mut().map_err(value_error)?;
+        let added = match channels(&strengths)? {
+            Channels::One(q) => py.detach(|| self.correction.add(q, out.as_chunks_mut().0)),
+            Channels::Three(q) => py.detach(|| self.correction.add(q, out.as_chunks_mut().0)),
+        };
+        added.map_err(value_error)
     }
 
     /// What each source (N,) sends by the correction for one unit of strength to receivers of areas (M,).

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The fast multipole method.
 
-use crate::arrays::{flat, table, triangles, triples, value_error, vector};
+use crate::arrays::{Channels, channels, flat, table, triangles, triples, value_error, vector};
 use crate::direct::NearField;
 use ::fmm::cells::Cells;
 use ::fmm::driver;
@@ -90,11 +90,18 @@ impl Fmm {
         Ok(Fmm { driver: py.detach(build).map_err(value_error)? })
     }
 
-    /// Irradiance (M, 3) at the targets from strengths (N, 3), and the seconds of each pass.
+    /// Irradiance (M, C) at the targets from strengths (N, C), C being 1 or 3, and the seconds of each pass.
     fn apply<'py>(&self, py: Python<'py>, strengths: Points) -> PyResult<Timed<'py>> {
-        let strengths = triples(&strengths, "strengths")?;
-        let (irradiance, seconds) = py.detach(|| self.driver.apply_timed(strengths)).map_err(value_error)?;
-        Ok((table(py, irradiance)?, seconds))
+        match channels(&strengths)? {
+            Channels::One(q) => {
+                let (irradiance, seconds) = py.detach(|| self.driver.apply_timed(q)).map_err(value_error)?;
+                Ok((table(py, irradiance)?, seconds))
+            }
+            Channels::Three(q) => {
+                let (irradiance, seconds) = py.detach(|| self.driver.apply_timed(q)).map_err(value_error)?;
+                Ok((table(py, irradiance)?, seconds))
+            }
+        }
     }
 
     /// How many of the triangles can be between points of the octrees: where any can, `occlude` makes the lists.

@@ -23,16 +23,16 @@ pub struct Sources {
     groups: Vec<Range<usize>>,
     /// The same groups in the padded arrays.
     parts: Vec<Range<usize>>,
-    y: Columns,
-    n_y: Columns,
+    y: Columns<3>,
+    n_y: Columns<3>,
     softening: Vec<f64>,
 }
 
-/// Three components, padded.
-type Columns = [Vec<f64>; 3];
+/// Components, padded.
+type Columns<const C: usize> = [Vec<f64>; C];
 
-/// Strengths of sources in their padded places.
-pub struct Strengths(Columns);
+/// Strengths of sources in C colours, in their padded places.
+pub struct Strengths<const C: usize>(Columns<C>);
 
 impl Sources {
     /// Sources at `positions` with unit `normals`, in one group; `softening` is the squared distance below which each
@@ -71,32 +71,32 @@ impl Sources {
         })
     }
 
-    /// Strengths (N, 3) in their padded places.
-    pub fn strengths(&self, strengths: &[[f64; 3]]) -> Strengths {
+    /// Strengths (N, C) in their padded places.
+    pub fn strengths<const C: usize>(&self, strengths: &[[f64; C]]) -> Strengths<C> {
         Strengths(columns(strengths, &self.groups))
     }
 
     /// Adds to `irradiance` what all sources send to a few receivers; `visible` as in [`Sources::irradiance`].
-    pub fn add_visible(
+    pub fn add_visible<const C: usize>(
         &self,
         points: &[[f64; 3]],
         normals: &[[f64; 3]],
-        strengths: &Strengths,
+        strengths: &Strengths<C>,
         visible: &[u64],
-        irradiance: &mut [[f64; 3]],
+        irradiance: &mut [[f64; C]],
     ) {
         let all = 0..self.softening.len();
         self.add_parts(points, normals, std::slice::from_ref(&all), strengths, Some(visible), irradiance);
     }
 
     /// Adds to `irradiance` what the sources of some groups send to a few receivers.
-    pub fn add_groups(
+    pub fn add_groups<const C: usize>(
         &self,
         points: &[[f64; 3]],
         normals: &[[f64; 3]],
         groups: &[u32],
-        strengths: &Strengths,
-        irradiance: &mut [[f64; 3]],
+        strengths: &Strengths<C>,
+        irradiance: &mut [[f64; C]],
     ) {
         let parts: Vec<Range<usize>> = groups.iter().map(|&group| self.parts[group as usize].clone()).collect();
         self.add_parts(points, normals, &parts, strengths, None, irradiance);
@@ -115,24 +115,24 @@ impl Sources {
         self.count.div_ceil(64)
     }
 
-    /// Irradiance (M, 3) at the receivers from sources of the given strengths (N, 3).
+    /// Irradiance (M, C) at the receivers from sources of the given strengths (N, C), in C colours.
     ///
     /// `visible` holds, when given, one row of [`Sources::words`] words a receiver: bit j % 64 of word j / 64 says
     /// that source j is seen. Without it every source in front of the horizon is.
-    pub fn irradiance(
+    pub fn irradiance<const C: usize>(
         &self,
         points: &[[f64; 3]],
         normals: &[[f64; 3]],
-        strengths: &[[f64; 3]],
+        strengths: &[[f64; C]],
         visible: Option<&[u64]>,
-    ) -> Result<Vec<[f64; 3]>, Error> {
+    ) -> Result<Vec<[f64; C]>, Error> {
         same_length("receiver normals", points.len(), normals.len())?;
         same_length("strengths", self.count, strengths.len())?;
         if let Some(bits) = visible {
             same_length("visibility words", points.len() * self.words(), bits.len())?;
         }
         let (strengths, words) = (self.strengths(strengths), self.words());
-        let mut irradiance = vec![[0.0; 3]; points.len()];
+        let mut irradiance = vec![[0.0; C]; points.len()];
         irradiance.par_chunks_mut(TILE_ROWS).enumerate().for_each(|(tile, out)| {
             let rows = tile * TILE_ROWS..tile * TILE_ROWS + out.len();
             for first in (0..self.softening.len()).step_by(TILE_SOURCES) {
@@ -145,14 +145,14 @@ impl Sources {
         Ok(irradiance)
     }
 
-    fn add_parts(
+    fn add_parts<const C: usize>(
         &self,
         points: &[[f64; 3]],
         normals: &[[f64; 3]],
         parts: &[Range<usize>],
-        strengths: &Strengths,
+        strengths: &Strengths<C>,
         visible: Option<&[u64]>,
-        irradiance: &mut [[f64; 3]],
+        irradiance: &mut [[f64; C]],
     ) {
         let (arch, words) = (Arch::new(), self.words());
         for (group, out) in irradiance.chunks_mut(ROWS).enumerate() {
@@ -167,15 +167,15 @@ impl Sources {
                 bits: visible.map(|bits| rows.map(|row| &bits[row * words..(row + 1) * words])),
             });
             for (out, sum) in out.iter_mut().zip(sums) {
-                *out = [out[0] + sum[0], out[1] + sum[1], out[2] + sum[2]];
+                out.iter_mut().zip(sum).for_each(|(out, sum)| *out += sum);
             }
         }
     }
 }
 
 /// One padded array a component.
-fn columns(rows: &[[f64; 3]], groups: &[Range<usize>]) -> Columns {
-    [0, 1, 2].map(|axis| padded(groups, 0.0, |j| rows[j][axis]))
+fn columns<const C: usize>(rows: &[[f64; C]], groups: &[Range<usize>]) -> Columns<C> {
+    std::array::from_fn(|c| padded(groups, 0.0, |j| rows[j][c]))
 }
 
 /// The values of all groups, each padded to whole registers.
@@ -204,17 +204,17 @@ static FACTORS: [[f64; LANES]; 256] = {
 };
 
 /// The sum over some parts of the sources for a few receivers at once.
-struct Sum<'a> {
+struct Sum<'a, const C: usize> {
     x: [[f64; 3]; ROWS],
     n_x: [[f64; 3]; ROWS],
     sources: &'a Sources,
-    q: &'a Columns,
+    q: &'a Columns<C>,
     parts: &'a [Range<usize>],
     bits: Option<[&'a [u64]; ROWS]>,
 }
 
-impl WithSimd for Sum<'_> {
-    type Output = [[f64; 3]; ROWS];
+impl<const C: usize> WithSimd for Sum<'_, C> {
+    type Output = [[f64; C]; ROWS];
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
@@ -226,7 +226,7 @@ impl WithSimd for Sum<'_> {
         let n_x = self.n_x.map(|n| n.map(|c| simd.splat_f64s(c)));
         let zero = simd.splat_f64s(0.0);
         let per_byte = LANES / S::F64_LANES.min(LANES);
-        let mut sums = [[zero; 3]; ROWS];
+        let mut sums = [[zero; C]; ROWS];
         let vectors = |part: &Range<usize>| part.start / LANES * per_byte..part.end / LANES * per_byte;
         for v in self.parts.iter().flat_map(vectors) {
             let seen = self.bits.map(|rows| rows.map(|row| byte(row, v / per_byte)));
@@ -243,7 +243,7 @@ impl WithSimd for Sum<'_> {
                 if let Some(seen) = seen {
                     k = simd.mul_f64s(k, S::as_simd_f64s(&FACTORS[seen[i]]).0[v % per_byte]);
                 }
-                for colour in 0..3 {
+                for colour in 0..C {
                     sums[i][colour] = simd.mul_add_e_f64s(k, q[colour][v], sums[i][colour]);
                 }
             }

@@ -5,7 +5,7 @@ use crate::cells::Cells;
 use crate::direct::Sources;
 use crate::driver_visibility::Rounds;
 use crate::error::{Error, same_length};
-use crate::expansion::Expansion;
+use crate::expansion::{Expansion, InColours};
 use crate::gather::Gather;
 use crate::links::Links;
 use crate::lists::{Batches, Lists, ListsOptions};
@@ -113,13 +113,19 @@ impl Fmm {
         })
     }
 
-    /// Irradiance (M, 3) at the targets from sources of strengths q = weight * radiosity (N, 3), both in scene order.
-    pub fn apply(&self, strengths: &[[f64; 3]]) -> Result<Vec<[f64; 3]>, Error> {
+    /// Irradiance (M, C) at the targets from sources of strengths q = weight * radiosity (N, C) in C colours, both in scene order.
+    pub fn apply<const C: usize>(&self, strengths: &[[f64; C]]) -> Result<Vec<[f64; C]>, Error>
+    where
+        dyn Expansion: InColours<C>,
+    {
         Ok(self.apply_timed(strengths)?.0)
     }
 
     /// As [`Fmm::apply`], with the seconds of each pass.
-    pub fn apply_timed(&self, strengths: &[[f64; 3]]) -> Result<(Vec<[f64; 3]>, Seconds), Error> {
+    pub fn apply_timed<const C: usize>(&self, strengths: &[[f64; C]]) -> Result<(Vec<[f64; C]>, Seconds), Error>
+    where
+        dyn Expansion: InColours<C>,
+    {
         same_length("strengths", self.sources.n_points(), strengths.len())?;
         let passes = Passes {
             expansion: self.expansion.as_ref(),
@@ -136,7 +142,7 @@ impl Fmm {
         let q = self.sources.in_tree_order(strengths);
         let mut multipoles = passes.zero_multipoles()?;
         let mut locals = passes.zero_locals()?;
-        let mut irradiance = vec![[0.0; 3]; self.targets.n_points()];
+        let mut irradiance = vec![[0.0; C]; self.targets.n_points()];
 
         // Step 2, multipole coefficients.
         clock.time("p2m", || passes.p2m(&q, &mut multipoles));

@@ -168,21 +168,21 @@ impl Gather {
         Ok(())
     }
 
-    /// Radiosity (N, 3) of the sources from their strengths, both in tree order.
-    pub fn radiosity(&self, q: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    /// Radiosity (N, C) of the sources from their strengths, both in tree order.
+    pub fn radiosity<const C: usize>(&self, q: &[[f64; C]]) -> Vec<[f64; C]> {
         q.iter().zip(&self.weights).map(|(q, w)| q.map(|q| q / w)).collect()
     }
 
     /// Adds what arrives at the points of a target leaf, from the radiosity of the sources.
-    pub fn add(&self, leaf: usize, radiosity: &[[f64; 3]], irradiance: &mut [[f64; 3]]) {
+    pub fn add<const C: usize>(&self, leaf: usize, radiosity: &[[f64; C]], irradiance: &mut [[f64; C]]) {
         let Some(hits) = self.of(leaf).and_then(|open| open.hits.get()) else { return };
         let share = 1.0 / self.density as f64;
         for (i, out) in irradiance.iter_mut().enumerate() {
-            let mut sum = [0.0; 3];
+            let mut sum = [0.0; C];
             for &j in &hits.sources[hits.starts[i] as usize..hits.starts[i + 1] as usize] {
-                sum = add(sum, radiosity[j as usize]);
+                sum.iter_mut().zip(radiosity[j as usize]).for_each(|(sum, b)| *sum += b);
             }
-            *out = add(*out, scale(sum, share));
+            out.iter_mut().zip(sum).for_each(|(out, sum)| *out += share * sum);
         }
     }
 

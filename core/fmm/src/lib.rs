@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Diffuse light transport between particles: the fast multipole method, the direct sum that judges it, and exact form
-//! factors for near triangles. Positions and normals are `&[[f64; 3]]`, colours are `[red, green, blue]`, lengths are in
-//! the caller's unit throughout.
+//! factors for near triangles. Positions and normals are `&[[f64; 3]]`, colours are `[red, green, blue]`, or one number
+//! where all is grey, lengths are in the caller's unit throughout.
 
 pub mod cells;
 pub mod contacts;

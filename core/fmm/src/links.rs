@@ -120,11 +120,10 @@ impl Runs {
         weights.at(&to_usize(&run.points), share)
     }
 
-    fn strengths(&self, q: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    fn strengths<const C: usize>(&self, q: &[[f64; C]]) -> Vec<[f64; C]> {
         let sum = |part: &Range<u32>| {
-            q[part.start as usize..part.end as usize]
-                .iter()
-                .fold([0.0; 3], |sum: [f64; 3], q| [sum[0] + q[0], sum[1] + q[1], sum[2] + q[2]])
+            let q = &q[part.start as usize..part.end as usize];
+            std::array::from_fn(|c| q.iter().map(|q| q[c]).sum())
         };
         self.parts.par_iter().map(sum).collect()
     }
@@ -262,24 +261,31 @@ impl Links {
         }
     }
 
-    /// Strengths (R, 3) of all parts from those of the sources (N, 3) in tree order.
-    pub fn strengths(&self, q: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    /// Strengths (R, C) of all parts from those of the sources (N, C) in tree order.
+    pub fn strengths<const C: usize>(&self, q: &[[f64; C]]) -> Vec<[f64; C]> {
         self.runs.strengths(q)
     }
 
     /// Adds what arrives at the points of one target leaf, from the strengths of the parts.
-    pub fn add(&self, targets: &Octree, leaf: usize, strengths: &[[f64; 3]], irradiance: &mut [[f64; 3]]) {
+    pub fn add<const C: usize>(
+        &self,
+        targets: &Octree,
+        leaf: usize,
+        strengths: &[[f64; C]],
+        irradiance: &mut [[f64; C]],
+    ) {
         let Some(&place) = self.places.get(&(leaf as u32)) else { return };
         let links = &self.leaves[place];
         let parts = || links.runs.iter().flat_map(|&run| self.runs.runs[run as usize].parts.clone());
-        let of_parts = |rows: &[[f64; 3]]| parts().map(|part| rows[part as usize]).collect::<Vec<_>>();
         let softening: Vec<f64> = parts().map(|part| self.runs.softening[part as usize]).collect();
-        let (positions, normals) = (of_parts(&self.runs.positions), of_parts(&self.runs.normals));
+        let vectors = |rows: &[[f64; 3]]| parts().map(|part| rows[part as usize]).collect::<Vec<_>>();
+        let (positions, normals) = (vectors(&self.runs.positions), vectors(&self.runs.normals));
+        let strengths: Vec<[f64; C]> = parts().map(|part| strengths[part as usize]).collect();
         let Ok(sources) = Sources::new(&positions, &normals, &softening) else { return };
         let points = targets.points_of(leaf);
         let words = links.first_word..links.first_word + points.len() * sources.words();
         let bits: Vec<u64> = self.bits[words].iter().map(|word| word.load(Ordering::Relaxed)).collect();
         let (x, n_x) = (&targets.positions[points.clone()], &targets.normals[points]);
-        sources.add_visible(x, n_x, &sources.strengths(&of_parts(strengths)), &bits, irradiance);
+        sources.add_visible(x, n_x, &sources.strengths(&strengths), &bits, irradiance);
     }
 }

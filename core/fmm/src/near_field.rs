@@ -186,14 +186,14 @@ impl Correction {
         })
     }
 
-    /// Adds the correction's irradiance for strengths (N, 3) to `irradiance` (M, 3).
-    pub fn add(&self, strengths: &[[f64; 3]], irradiance: &mut [[f64; 3]]) -> Result<(), Error> {
+    /// Adds the correction's irradiance for strengths (N, C) to `irradiance` (M, C).
+    pub fn add<const C: usize>(&self, strengths: &[[f64; C]], irradiance: &mut [[f64; C]]) -> Result<(), Error> {
         same_length("strengths", self.count, strengths.len())?;
         same_length("irradiance", self.starts.len(), irradiance.len() + 1)?;
         irradiance.par_iter_mut().enumerate().for_each(|(i, out)| {
             for e in self.starts[i]..self.starts[i + 1] {
                 let q = strengths[self.sources[e] as usize];
-                for colour in 0..3 {
+                for colour in 0..C {
                     out[colour] += self.values[e] * q[colour];
                 }
             }

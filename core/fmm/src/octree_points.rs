@@ -19,13 +19,13 @@ impl Octree {
         points.iter().map(|x| [0, 1, 2].map(|axis| (x[axis] - centre[axis]) * scale)).collect()
     }
 
-    /// Rows (N, 3) in scene order to tree order.
-    pub fn in_tree_order(&self, rows: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    /// Rows (N, C) in scene order to tree order.
+    pub fn in_tree_order<const C: usize>(&self, rows: &[[f64; C]]) -> Vec<[f64; C]> {
         self.to_scene.par_iter().map(|&i| rows[i as usize]).collect()
     }
 
-    /// Rows (N, 3) in tree order to scene order.
-    pub fn in_scene_order(&self, rows: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    /// Rows (N, C) in tree order to scene order.
+    pub fn in_scene_order<const C: usize>(&self, rows: &[[f64; C]]) -> Vec<[f64; C]> {
         self.to_tree.par_iter().map(|&i| rows[i as usize]).collect()
     }
 

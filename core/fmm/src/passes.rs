@@ -3,7 +3,7 @@
 
 use crate::direct::Sources;
 use crate::error::Error;
-use crate::expansion::{COLOURS, Expansion};
+use crate::expansion::{Expansion, InColours};
 use crate::gather::Gather;
 use crate::links::Links;
 use crate::lists::{Batch, Batches, Lists, Rows};
@@ -12,12 +12,12 @@ use crate::translations::Translations;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Pairs of boxes in one matrix product.
-const PAIRS_PER_PRODUCT: usize = 64;
+/// Columns of one matrix product: pairs of boxes times colours.
+const COLUMNS_PER_PRODUCT: usize = 192;
 
-/// What every pass needs.
-pub struct Passes<'a> {
-    pub expansion: &'a dyn Expansion,
+/// What every pass needs, in C colours.
+pub struct Passes<'a, const C: usize> {
+    pub expansion: &'a (dyn Expansion + 'static),
     pub targets: &'a Octree,
     pub sources: &'a Octree,
     pub lists: &'a Lists,
@@ -28,42 +28,39 @@ pub struct Passes<'a> {
     pub gather: &'a Gather,
 }
 
-type Colours = [[f64; 3]];
+type Colours<const C: usize> = [[f64; C]];
 
-impl Passes<'_> {
+impl<const C: usize> Passes<'_, C>
+where
+    dyn Expansion: InColours<C>,
+{
     /// Multipole coefficients of every source box, [box][coefficient][colour].
-    pub fn zero_multipoles(&self) -> Result<Vec<f64>, Error> {
-        zeros(self.sources.n_boxes() * self.multipole_len())
+    pub fn zero_multipoles(&self) -> Result<Vec<[f64; C]>, Error> {
+        zeros(self.sources.n_boxes() * self.expansion.multipole_len())
     }
 
     /// Local coefficients of every target box, [box][coefficient][colour].
-    pub fn zero_locals(&self) -> Result<Vec<f64>, Error> {
-        zeros(self.targets.n_boxes() * self.local_len())
-    }
-
-    fn multipole_len(&self) -> usize {
-        self.expansion.multipole_len() * COLOURS
-    }
-
-    fn local_len(&self) -> usize {
-        self.expansion.local_len() * COLOURS
+    pub fn zero_locals(&self) -> Result<Vec<[f64; C]>, Error> {
+        zeros(self.targets.n_boxes() * self.expansion.local_len())
     }
 
     /// Particles to multipoles of the leaves (eq 12).
-    pub fn p2m(&self, q: &Colours, multipoles: &mut [f64]) {
+    pub fn p2m(&self, q: &Colours<C>, multipoles: &mut Colours<C>) {
         let tree = self.sources;
-        multipoles.par_chunks_mut(self.multipole_len()).enumerate().filter(|(b, _)| tree.is_leaf(*b)).for_each(
-            |(b, multipole)| {
+        multipoles
+            .par_chunks_mut(self.expansion.multipole_len())
+            .enumerate()
+            .filter(|(b, _)| tree.is_leaf(*b))
+            .for_each(|(b, multipole)| {
                 let points = tree.points_of(b);
                 let positions = tree.in_box_coordinates(&tree.positions[points.clone()], b);
                 self.expansion.p2m(&positions, &tree.normals[points.clone()], &q[points], multipole);
-            },
-        );
+            });
     }
 
     /// Multipoles of children to those of their parents, level by level upwards (section 2.4).
-    pub fn m2m(&self, multipoles: &mut [f64]) {
-        let (tree, len) = (self.sources, self.multipole_len());
+    pub fn m2m(&self, multipoles: &mut Colours<C>) {
+        let (tree, len) = (self.sources, self.expansion.multipole_len());
         for level in (1..tree.n_levels()).rev() {
             let (above, below) = multipoles.split_at_mut(tree.boxes_of_level(level).start * len);
             let (first_child, parents) = (tree.boxes_of_level(level).start, tree.boxes_of_level(level - 1));
@@ -77,8 +74,8 @@ impl Passes<'_> {
     }
 
     /// Multipoles of the interaction list to locals (eq 11), all pairs of one offset in one matrix product.
-    pub fn m2l(&self, multipoles: &[f64], locals: &mut [f64]) {
-        let len = self.local_len();
+    pub fn m2l(&self, multipoles: &Colours<C>, locals: &mut Colours<C>) {
+        let len = self.expansion.local_len();
         let mut slabs = Vec::with_capacity(self.batches.slabs.len());
         let (mut rest, mut done) = (locals, 0);
         for slab in &self.batches.slabs {
@@ -89,38 +86,45 @@ impl Passes<'_> {
         }
         slabs.into_par_iter().for_each(|(slab, locals)| {
             for batch in &self.batches.batches[slab.batches.clone()] {
-                for start in batch.pairs.clone().step_by(PAIRS_PER_PRODUCT) {
-                    let pairs = start..batch.pairs.end.min(start + PAIRS_PER_PRODUCT);
+                for start in batch.pairs.clone().step_by(COLUMNS_PER_PRODUCT / C) {
+                    let pairs = start..batch.pairs.end.min(start + COLUMNS_PER_PRODUCT / C);
                     self.translate(batch, pairs, slab.targets.start, multipoles, locals);
                 }
             }
         });
     }
 
-    fn translate(&self, batch: &Batch, pairs: Range<usize>, first: usize, multipoles: &[f64], locals: &mut [f64]) {
-        let width = pairs.len() * COLOURS;
-        let mut from = vec![0.0; self.expansion.multipole_len() * width];
+    fn translate(
+        &self,
+        batch: &Batch,
+        pairs: Range<usize>,
+        first: usize,
+        multipoles: &Colours<C>,
+        locals: &mut Colours<C>,
+    ) {
+        let (sent, received, width) = (self.expansion.multipole_len(), self.expansion.local_len(), pairs.len() * C);
+        let mut from = vec![0.0; sent * width];
         for (column, &source) in self.batches.sources[pairs.clone()].iter().enumerate() {
-            let multipole = &multipoles[source as usize * self.multipole_len()..][..self.multipole_len()];
-            for (row, colours) in from.chunks_exact_mut(width).zip(multipole.chunks_exact(COLOURS)) {
-                row[column * COLOURS..][..COLOURS].copy_from_slice(colours);
+            let multipole = &multipoles[source as usize * sent..][..sent];
+            for (row, colours) in from.chunks_exact_mut(width).zip(multipole) {
+                row[column * C..][..C].copy_from_slice(colours);
             }
         }
-        let mut to = vec![0.0; self.expansion.local_len() * width];
+        let mut to = vec![0.0; received * width];
         self.translations.apply(self.expansion, batch.offset, width, &mut from, &mut to);
         for (column, &target) in self.batches.targets[pairs].iter().enumerate() {
             let scale = self.targets.half_side(target as usize).powi(-2);
-            let local = &mut locals[(target as usize - first) * self.local_len()..][..self.local_len()];
-            for (row, colours) in to.chunks_exact(width).zip(local.chunks_exact_mut(COLOURS)) {
-                for colour in 0..COLOURS {
-                    colours[colour] += scale * row[column * COLOURS + colour];
+            let local = &mut locals[(target as usize - first) * received..][..received];
+            for (row, colours) in to.chunks_exact(width).zip(local) {
+                for colour in 0..C {
+                    colours[colour] += scale * row[column * C + colour];
                 }
             }
         }
     }
 
     /// Particles of the local interaction list to locals (eq 10).
-    pub fn p2l(&self, q: &Colours, locals: &mut [f64]) {
+    pub fn p2l(&self, q: &Colours<C>, locals: &mut Colours<C>) {
         let list = &self.lists.local_interaction_list;
         self.each_row(list, locals, |b, local| {
             let scale = self.targets.half_side(b).powi(-2);
@@ -133,15 +137,15 @@ impl Passes<'_> {
         });
     }
 
-    fn each_row(&self, list: &Rows, locals: &mut [f64], work: impl Fn(usize, &mut [f64]) + Sync) {
+    fn each_row(&self, list: &Rows, locals: &mut Colours<C>, work: impl Fn(usize, &mut Colours<C>) + Sync) {
         if !list.boxes.is_empty() {
-            locals.par_chunks_mut(self.local_len()).enumerate().for_each(|(b, local)| work(b, local));
+            locals.par_chunks_mut(self.expansion.local_len()).enumerate().for_each(|(b, local)| work(b, local));
         }
     }
 
     /// Locals of parents to those of their children, level by level downwards (section 2.5).
-    pub fn l2l(&self, locals: &mut [f64]) {
-        let (tree, len) = (self.targets, self.local_len());
+    pub fn l2l(&self, locals: &mut Colours<C>) {
+        let (tree, len) = (self.targets, self.expansion.local_len());
         for level in 1..tree.n_levels() {
             let boxes = tree.boxes_of_level(level);
             let (above, below) = locals.split_at_mut(boxes.start * len);
@@ -153,8 +157,8 @@ impl Passes<'_> {
     }
 
     /// Locals to the particles of the leaves (eq 8).
-    pub fn l2p(&self, locals: &[f64], irradiance: &mut Colours) {
-        let (tree, len) = (self.targets, self.local_len());
+    pub fn l2p(&self, locals: &Colours<C>, irradiance: &mut Colours<C>) {
+        let (tree, len) = (self.targets, self.expansion.local_len());
         self.each_leaf(irradiance, |b, out| {
             let positions = tree.in_box_coordinates(&tree.positions[tree.points_of(b)], b);
             self.expansion.l2p(&locals[b * len..(b + 1) * len], &positions, &tree.normals[tree.points_of(b)], out);
@@ -162,16 +166,16 @@ impl Passes<'_> {
     }
 
     /// Multipoles of the multipole interaction list to particles (eq 5).
-    pub fn m2p(&self, multipoles: &[f64], irradiance: &mut Colours) {
-        let (list, tree, len) = (&self.lists.multipole_interaction_list, self.targets, self.multipole_len());
+    pub fn m2p(&self, multipoles: &Colours<C>, irradiance: &mut Colours<C>) {
+        let (list, tree, len) = (&self.lists.multipole_interaction_list, self.targets, self.expansion.multipole_len());
         if list.boxes.is_empty() {
             return;
         }
         self.each_leaf(irradiance, |b, out| {
             for source in list.row(b).iter().map(|&source| source as usize) {
                 let scale = self.sources.half_side(source).powi(-2);
-                let multipole: Vec<f64> =
-                    multipoles[source * len..(source + 1) * len].iter().map(|m| m * scale).collect();
+                let multipole: Vec<[f64; C]> =
+                    multipoles[source * len..(source + 1) * len].iter().map(|m| m.map(|m| m * scale)).collect();
                 let positions = self.sources.in_box_coordinates(&tree.positions[tree.points_of(b)], source);
                 self.expansion.m2p(&multipole, &positions, &tree.normals[tree.points_of(b)], out);
             }
@@ -179,7 +183,7 @@ impl Passes<'_> {
     }
 
     /// Near neighbours, directly.
-    pub fn p2p(&self, q: &Colours, irradiance: &mut Colours) {
+    pub fn p2p(&self, q: &Colours<C>, irradiance: &mut Colours<C>) {
         let tree = self.targets;
         let strengths = self.points.strengths(q);
         self.each_leaf(irradiance, |b, out| {
@@ -190,7 +194,7 @@ impl Passes<'_> {
     }
 
     /// Runs of points of source boxes that are seen in part, directly and each as one source (section 5).
-    pub fn links(&self, q: &Colours, irradiance: &mut Colours) {
+    pub fn links(&self, q: &Colours<C>, irradiance: &mut Colours<C>) {
         if self.links.leaves.is_empty() {
             return;
         }
@@ -199,7 +203,7 @@ impl Passes<'_> {
     }
 
     /// Sources of other boxes that are seen in part, as rays over the hemispheres have met them (section 5).
-    pub fn gather(&self, q: &Colours, irradiance: &mut Colours) {
+    pub fn gather(&self, q: &Colours<C>, irradiance: &mut Colours<C>) {
         if self.gather.leaves.is_empty() {
             return;
         }
@@ -208,7 +212,7 @@ impl Passes<'_> {
     }
 
     /// Work on every leaf of the targets together with its part of the irradiance.
-    fn each_leaf(&self, irradiance: &mut Colours, work: impl Fn(usize, &mut Colours) + Sync) {
+    fn each_leaf(&self, irradiance: &mut Colours<C>, work: impl Fn(usize, &mut Colours<C>) + Sync) {
         let mut leaves = Vec::new();
         let mut rest = irradiance;
         for b in self.targets.leaves_by_points() {
@@ -221,9 +225,9 @@ impl Passes<'_> {
 }
 
 /// Zeros, or an error where there is no memory for them.
-fn zeros(count: usize) -> Result<Vec<f64>, Error> {
+fn zeros<const C: usize>(count: usize) -> Result<Vec<[f64; C]>, Error> {
     let mut zeros = Vec::new();
-    zeros.try_reserve_exact(count).map_err(|_| Error::Memory { bytes: count.saturating_mul(8) })?;
-    zeros.resize(count, 0.0);
+    zeros.try_reserve_exact(count).map_err(|_| Error::Memory { bytes: count.saturating_mul(8 * C) })?;
+    zeros.resize(count, [0.0; C]);
     Ok(zeros)
 }

@@ -113,3 +113,26 @@ fn wrong_lengths_are_refused() {
     let fmm = Fmm::new(Arc::new(Whole::new(2)), tree.clone(), tree, &[1e-9; 3000], lists).unwrap();
     assert!(fmm.apply(&[[1.0; 3]]).is_err());
 }
+
+/// A grey sum in one channel is each of three.
+#[test]
+fn one_channel_equals_three() {
+    let case = case(3);
+    let options = OctreeOptions { grouping: Grouping::Adaptive { points: 10 }, by_normal: true };
+    let grid = Grid::around(&[&case.sources.0, &case.targets.0]).unwrap();
+    let sources = Octree::new(&case.sources.0, Some(&case.sources.1), grid, options).unwrap();
+    let targets = Octree::new(&case.targets.0, Some(&case.targets.1), grid, options).unwrap();
+    let expansions: [Arc<dyn Expansion>; 3] =
+        [Arc::new(Whole::new(3)), Arc::new(Paper::new(3)), Arc::new(Compressed::new(3, 1))];
+    for expansion in expansions {
+        let lists = ListsOptions::new(1, true);
+        let fmm = Fmm::new(expansion, targets.clone(), sources.clone(), &[1e-9; 3000], lists).unwrap();
+        let three = fmm.apply(&case.strengths).unwrap();
+        for c in 0..3 {
+            let one = fmm.apply(&case.strengths.iter().map(|q| [q[c]]).collect::<Vec<_>>()).unwrap();
+            for (one, three) in one.iter().zip(&three) {
+                assert!((one[0] - three[c]).abs() <= 1e-12 * three[c].abs(), "{} {}", one[0], three[c]);
+            }
+        }
+    }
+}

@@ -48,7 +48,7 @@ class DirectSpace:
             if np.array_equal(kept_points, points) and np.array_equal(kept_normals, normals):
                 return np.concatenate([operator.apply(radiosity) for operator in kept])
         keep = len(points) * len(self.sums.particles) <= KEPT_PAIRS
-        irradiance, operators = np.zeros((len(points), 3)), []
+        irradiance, operators = np.zeros((len(points), radiosity.shape[1])), []
         for start in range(0, len(points), size):
             rows = slice(start, start + size)
             operator = self.sums.direct_operator(points[rows], normals[rows])

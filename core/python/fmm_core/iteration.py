@@ -26,7 +26,16 @@ def iterate(
     report: Report,
     tick: Tick,
 ) -> NDArray[np.float64]:
-    """Radiosity (N, 3) of the particles, which get irradiance `direct` (N, 3) from lamps and sky."""
+    """Radiosity (N, C) of the particles, which get irradiance `direct` (N, 3) from lamps and sky: in one channel where
+    all albedo and light is grey, else in three.
+    """
     albedo, emission = particles.of_triangles(scene.albedo), particles.of_triangles(scene.emission)
     own = emission + albedo * direct
-    return ITERATIONS[settings.iteration](exchange, particles, albedo, own, settings, report, tick)
+    channels = 1 if _is_grey(albedo) and _is_grey(own) else 3
+    report.counts["channels"] = channels
+    parts = albedo[:, :channels], own[:, :channels]
+    return ITERATIONS[settings.iteration](exchange, particles, *parts, settings, report, tick)
+
+
+def _is_grey(colours: NDArray[np.float64]) -> bool:
+    return bool((colours == colours[:, :1]).all())

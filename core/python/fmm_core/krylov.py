@@ -31,7 +31,7 @@ def gmres(
     report: Report,
     tick: Tick,
 ) -> Colours:
-    """Radiosity (N, 3) of particles with an albedo and light of their own (N, 3), by GMRES (Saad and Schultz, SIAM J.
+    """Radiosity (N, C) of particles with an albedo and light of their own (N, C), by GMRES (Saad and Schultz, SIAM J.
     Sci. Stat. Comput. 7, 1986), the colours side by side.
 
     Residuals are relative to each particle's own radiosity, so that a dim corner or colour counts like a bright one,
@@ -75,17 +75,17 @@ def gmres(
 def _solved(
     apply: Callable[[Colours], Colours], right: Colours, wanted: float, columns: int, report: Report
 ) -> Colours:
-    """About the solution y (N, 3) of apply(y) = right for each colour, from a basis of at most so many vectors."""
-    count = len(right)
+    """About the solution y (N, C) of apply(y) = right for each colour, from a basis of at most so many vectors."""
+    count, channels = right.shape
     # A colour after the other, so that products with all vectors so far are products of matrices.
-    basis = np.zeros((3, columns + 1, count))
-    hessenberg, goal = np.zeros((3, columns + 1, columns)), np.zeros((3, columns + 1))
+    basis = np.zeros((channels, columns + 1, count))
+    hessenberg, goal = np.zeros((channels, columns + 1, columns)), np.zeros((channels, columns + 1))
     goal[:, 0] = np.linalg.norm(right, axis=0)
     basis[:, 0] = _unit(right.T, goal[:, 0])
     fits: list[Colours] = []
     for k in range(columns):
         vector = np.ascontiguousarray(apply(np.ascontiguousarray(basis[:, k].T)).T)
-        for colour in range(3):
+        for colour in range(channels):
             known = basis[colour, : k + 1]
             hessenberg[colour, : k + 1, k] = known @ vector[colour]
             vector[colour] -= hessenberg[colour, : k + 1, k] @ known

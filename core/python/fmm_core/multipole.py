@@ -72,7 +72,7 @@ class MultipoleSpace:
         self, points: Points, normals: Points, radiosity: Points, tick: Tick = silent, effort: float = 1.0
     ) -> Points:
         if len(points) == 0:
-            return np.zeros((0, 3))
+            return np.zeros((0, radiosity.shape[1]))
         rays = max(LEAST_RAYS, effort * self._settings.rays)
         if self._gathered is None or not _same(self._gathered, points, normals, rays):
             fmm, correction = self._fmm((points, normals), points, normals, rays, tick)

@@ -15,6 +15,7 @@ PHASES = ("export", "tree", "lists", "visibility", "transport", "evaluate", "acc
 COUNTS = (
     "triangles",
     "particles",
+    "channels",
     "output_points",
     "boxes",
     "leaves",

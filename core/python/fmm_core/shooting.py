@@ -20,7 +20,7 @@ def shoot(
     report: Report,
     tick: Tick,
 ) -> NDArray[np.float64]:
-    """Radiosity (N, 3) of particles with an albedo and light of their own (N, 3), by shooting: in each step all of them
+    """Radiosity (N, C) of particles with an albedo and light of their own (N, C), by shooting: in each step all of them
     pass on what they received in the step before.
 
     Ends when no particle has more than the tolerance's share of its light still to come in any colour, judged from the

@@ -49,7 +49,10 @@ class Solution:
         lit_points: Receivers | None = None,
     ) -> None:
         self.scene, self.settings = scene, settings
-        self.radiosity, self.kept = radiosity, kept
+        # (N, C), as it was solved.
+        self._radiosity = radiosity
+        self.radiosity = radiosity if radiosity.shape[1] == 3 else np.repeat(radiosity, 3, axis=1)
+        self.kept = kept
         # The scene whose lights the particles were made for.
         self._first = scene if first is None else first
         self._space, self._exchange, self._report, self._relit = space, exchange, report, relit
@@ -71,10 +74,10 @@ class Solution:
             raise Error(f"normals: expected {len(points)} rows like points, got {len(normals)}")
         points = points - self.scene.origin
         with memory_errors(), self._report.time("evaluate"):
-            irradiance = self._space.gather(
-                points, normals, self.radiosity, ticker(progress, 0.0, 0.8, "Gathering light"), effort
+            gathered = self._space.gather(
+                points, normals, self._radiosity, ticker(progress, 0.0, 0.8, "Gathering light"), effort
             )
-            irradiance += self._direct(points, normals, effort, ticker(progress, 0.8, 1.0, LIGHTING))
+            irradiance = gathered + self._direct(points, normals, effort, ticker(progress, 0.8, 1.0, LIGHTING))
         self._report.counts["output_points"] = len(points)
         if self._is_measured(len(points)):
             with memory_errors(), self._report.time("accuracy"):

@@ -41,24 +41,20 @@ class Operator:
         lit: (N, 1) which particles others can see, None where the receivers are the particles themselves, and tell.
         symmetric: so they are, and the sum gives either of two the same from the other.
         """
-        self.lit = self._rows(np.ones_like(self._weights)) > SEEN if lit is None else lit
-        self._received = received_balance(self._rows(self.lit), closed)
+        self.lit = self.apply(np.ones_like(self._weights)) > SEEN if lit is None else lit
+        self._received = received_balance(self.apply(self.lit), closed)
         if symmetric:
             areas = self._weights * self._received
-            columns = self._sum(np.repeat(areas, 3, axis=1))[:, :1] + self._correction.sent(areas[:, 0])[:, None]
+            columns = self._sum(areas) + self._correction.sent(areas[:, 0])[:, None]
             self._sent = sent_balance(columns)
             if (self._sent < 1).any():
                 self._received = 1.0
-                self._received = received_balance(self._rows(self.lit), closed)
+                self._received = received_balance(self.apply(self.lit), closed)
         return self
 
-    def _rows(self, radiosity: NDArray) -> NDArray[np.float64]:
-        """(M, 1) what each receiver gets from particles of this radiosity (N, 1)."""
-        return self.apply(np.repeat(radiosity, 3, axis=1))[:, :1]
-
-    def apply(self, radiosity: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Irradiance (M, 3) at the receivers for the particles' radiosity (N, 3), both W/m^2; linear, so that a little
-        less than nothing may be left where a correction subtracts what the sum has added.
+    def apply(self, radiosity: NDArray) -> NDArray[np.float64]:
+        """Irradiance (M, C) at the receivers for the particles' radiosity (N, C) in C channels, 1 or 3, both W/m^2;
+        linear, so that a little less than nothing may be left where a correction subtracts what the sum has added.
         """
         strengths = self._weights * self._sent * radiosity
         irradiance = self._sum(strengths)
@@ -83,7 +79,9 @@ class Space(Protocol):
         tick: Tick = silent,
         effort: float = 1.0,
     ) -> NDArray[np.float64]:
-        """Irradiance (M, 3) at any points, by this share of the rays of the settings if rays are drawn at random."""
+        """Irradiance (M, C) at any points for the particles' radiosity (N, C), by this share of the rays of the
+        settings if rays are drawn at random.
+        """
 
 
 class Sums:

@@ -14,7 +14,7 @@
 use super::dense::{add_product, transposed};
 use super::modes::Modes;
 use super::sparse::Sparse;
-use super::{COLOURS, Expansion, Operator, Whole, reflect};
+use super::{Expansion, InColours, Operator, Whole, reflect};
 
 /// Of the kernel that degree p leaves out, this much more may go with the dropped modes.
 const SHARE: f64 = 0.25;
@@ -46,15 +46,15 @@ impl Compressed {
         Self { down: transposed(modes.len(), &up), up, compress, restore, modes, whole }
     }
 
-    fn whole_multipole(&self, multipole: &[f64]) -> Vec<f64> {
-        let mut whole = vec![0.0; self.whole.multipole_len() * COLOURS];
-        self.restore.apply(COLOURS, multipole, &mut whole);
+    fn whole_multipole<const C: usize>(&self, multipole: &[[f64; C]]) -> Vec<[f64; C]> {
+        let mut whole = vec![[0.0; C]; self.whole.multipole_len()];
+        self.restore.apply(C, multipole.as_flattened(), whole.as_flattened_mut());
         whole
     }
 
-    fn whole_local(&self, local: &[f64]) -> Vec<f64> {
-        let mut whole = vec![0.0; self.whole.local_len() * COLOURS];
-        self.compress.apply_transposed(COLOURS, local, &mut whole);
+    fn whole_local<const C: usize>(&self, local: &[[f64; C]]) -> Vec<[f64; C]> {
+        let mut whole = vec![[0.0; C]; self.whole.local_len()];
+        self.compress.apply_transposed(C, local.as_flattened(), whole.as_flattened_mut());
         whole
     }
 
@@ -72,15 +72,15 @@ impl Compressed {
     }
 
     /// output += what `matrix` makes of input for child 7, mirrored for another child.
-    fn change_level(&self, matrix: &[f64], octant: usize, input: &[f64], output: &mut [f64]) {
+    fn change_level<const C: usize>(&self, matrix: &[f64], octant: usize, input: &[[f64; C]], output: &mut [[f64; C]]) {
         let mask = !(octant as u8) & 7;
         let mut mirrored = input.to_vec();
-        reflect(&self.modes.parities, mask, COLOURS, &mut mirrored);
-        let mut moved = vec![[0.0; COLOURS]; self.modes.len()];
-        add_product(matrix, mirrored.as_chunks().0, &mut moved);
+        reflect(&self.modes.parities, mask, C, mirrored.as_flattened_mut());
+        let mut moved = vec![[0.0; C]; self.modes.len()];
+        add_product(matrix, &mirrored, &mut moved);
         let moved = moved.as_flattened_mut();
-        reflect(&self.modes.parities, mask, COLOURS, moved);
-        output.iter_mut().zip(moved).for_each(|(out, x)| *out += *x);
+        reflect(&self.modes.parities, mask, C, moved);
+        output.as_flattened_mut().iter_mut().zip(moved).for_each(|(out, x)| *out += *x);
     }
 }
 
@@ -88,14 +88,14 @@ impl Compressed {
 fn between_levels(whole: &Whole, compress: &Sparse, restore: &Sparse, len: usize) -> Vec<f64> {
     let mut rows = Vec::with_capacity(len * len);
     for mode in 0..len {
-        let mut unit = vec![0.0; len * COLOURS];
-        unit[mode * COLOURS] = 1.0;
-        let [mut child, mut parent] = [(); 2].map(|()| vec![0.0; whole.multipole_len() * COLOURS]);
-        restore.apply(COLOURS, &unit, &mut child);
+        let mut unit = vec![0.0; len];
+        unit[mode] = 1.0;
+        let [mut child, mut parent] = [(); 2].map(|()| vec![[0.0; 1]; whole.multipole_len()]);
+        restore.apply(1, &unit, child.as_flattened_mut());
         whole.m2m(7, &child, &mut parent);
-        let mut moved = vec![0.0; len * COLOURS];
-        compress.apply(COLOURS, &parent, &mut moved);
-        rows.extend(moved.iter().step_by(COLOURS));
+        let mut moved = vec![0.0; len];
+        compress.apply(1, parent.as_flattened(), &mut moved);
+        rows.extend(moved);
     }
     rows
 }
@@ -126,36 +126,38 @@ impl Expansion for Compressed {
         &self.modes.parities
     }
 
-    fn p2m(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; 3]], multipole: &mut [f64]) {
-        let mut whole = vec![0.0; self.whole.multipole_len() * COLOURS];
-        self.whole.p2m(positions, normals, strengths, &mut whole);
-        self.compress.apply(COLOURS, &whole, multipole);
-    }
-
-    fn m2m(&self, octant: usize, child: &[f64], parent: &mut [f64]) {
-        self.change_level(&self.up, octant, child, parent);
-    }
-
     fn m2l_operator(&self, offset: [i32; 3]) -> Operator {
         let kernel = self.modes.kernel(offset).unwrap_or_else(|| self.far_kernel(offset));
         Operator::dense(self.modes.len(), self.modes.len(), kernel)
     }
+}
 
-    fn l2l(&self, octant: usize, parent: &[f64], child: &mut [f64]) {
+impl<const C: usize> InColours<C> for Compressed {
+    fn p2m(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; C]], multipole: &mut [[f64; C]]) {
+        let mut whole = vec![[0.0; C]; self.whole.multipole_len()];
+        self.whole.p2m(positions, normals, strengths, &mut whole);
+        self.compress.apply(C, whole.as_flattened(), multipole.as_flattened_mut());
+    }
+
+    fn m2m(&self, octant: usize, child: &[[f64; C]], parent: &mut [[f64; C]]) {
+        self.change_level(&self.up, octant, child, parent);
+    }
+
+    fn l2l(&self, octant: usize, parent: &[[f64; C]], child: &mut [[f64; C]]) {
         self.change_level(&self.down, octant, parent, child);
     }
 
-    fn l2p(&self, local: &[f64], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; 3]]) {
+    fn l2p(&self, local: &[[f64; C]], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; C]]) {
         self.whole.l2p(&self.whole_local(local), positions, normals, irradiance);
     }
 
-    fn m2p(&self, multipole: &[f64], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; 3]]) {
+    fn m2p(&self, multipole: &[[f64; C]], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; C]]) {
         self.whole.m2p(&self.whole_multipole(multipole), positions, normals, irradiance);
     }
 
-    fn p2l(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; 3]], local: &mut [f64]) {
-        let mut whole = vec![0.0; self.whole.local_len() * COLOURS];
+    fn p2l(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; C]], local: &mut [[f64; C]]) {
+        let mut whole = vec![[0.0; C]; self.whole.local_len()];
         self.whole.p2l(positions, normals, strengths, &mut whole);
-        self.restore.apply_transposed(COLOURS, &whole, local);
+        self.restore.apply_transposed(C, whole.as_flattened(), local.as_flattened_mut());
     }
 }

@@ -32,14 +32,14 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// output += matrix^T input, for three colours; `matrix` is `[len][len]`, the others `[len][colour]`.
+/// output += matrix^T input, for C colours; `matrix` is `[len][len]`, the others `[len][colour]`.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma", "x86_64+avx2+fma"))]
-pub fn add_product(matrix: &[f64], input: &[[f64; 3]], output: &mut [[f64; 3]]) {
+pub fn add_product<const C: usize>(matrix: &[f64], input: &[[f64; C]], output: &mut [[f64; C]]) {
     /// Outputs handled together.
     const LANES: usize = 16;
     let len = input.len();
     for (block, out) in output.chunks_mut(LANES).enumerate() {
-        let mut sums = [[0.0; LANES]; 3];
+        let mut sums = [[0.0; LANES]; C];
         for (row, from) in matrix.chunks_exact(len).zip(input) {
             let row = &row[block * LANES..][..out.len()];
             let mut lanes = [0.0; LANES];
@@ -54,7 +54,7 @@ pub fn add_product(matrix: &[f64], input: &[[f64; 3]], output: &mut [[f64; 3]]) 
             }
         }
         for (l, out) in out.iter_mut().enumerate() {
-            (0..3).for_each(|c| out[c] += sums[c][l]);
+            (0..C).for_each(|c| out[c] += sums[c][l]);
         }
     }
 }

@@ -7,7 +7,7 @@
 //! K(x, y) = (n_y . d) (-n_x . d) / (pi |d|^4)
 //! ```
 //!
-//! and every operator here serves the sum H(x) = sum_y q_y K(x, y), q = w B in three colours.
+//! and every operator here serves the sum H(x) = sum_y q_y K(x, y), q = w B in one colour or three.
 //!
 //! Three expansions share one trait: [`Paper`], which expands 1/|d|^4 and keeps the numerator apart
 //! in source and receiver matrices (eq 4 to 11), [`Whole`], which expands the kernel as one tensor,
@@ -47,8 +47,8 @@ pub use operator::Operator;
 pub use paper::Paper;
 pub use whole::Whole;
 
-/// An expansion truncated at some p, with its translations.
-pub trait Expansion: Send + Sync {
+/// An expansion truncated at some p, with its translations, which work in one colour or three.
+pub trait Expansion: InColours<1> + InColours<3> + Send + Sync {
     /// The truncation p.
     fn truncation(&self) -> usize;
 
@@ -65,33 +65,33 @@ pub trait Expansion: Send + Sync {
     /// coefficients, so that offsets in one octant serve all eight.
     fn parities(&self) -> &[u8];
 
+    /// Multipole to local (section 2.6) between boxes of one size: the centre of the source box
+    /// is that of the target box + `offset` box sides.
+    fn m2l_operator(&self, offset: [i32; 3]) -> Operator;
+}
+
+/// What an expansion does with strengths, coefficients and irradiance of C colours.
+pub trait InColours<const C: usize> {
     /// Particles to multipole: sources in box coordinates, one row each (eq 12).
-    fn p2m(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; 3]], multipole: &mut [f64]);
+    fn p2m(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; C]], multipole: &mut [[f64; C]]);
 
     /// Multipole of child `octant` to multipole of its parent (section 2.4), exactly but for
     /// [`Compressed`], which projects it on its modes. Bits 0, 1 and 2 of the octant are the upper
     /// halves of x, y and z.
-    fn m2m(&self, octant: usize, child: &[f64], parent: &mut [f64]);
-
-    /// Multipole to local (section 2.6) between boxes of one size: the centre of the source box
-    /// is that of the target box + `offset` box sides.
-    fn m2l_operator(&self, offset: [i32; 3]) -> Operator;
+    fn m2m(&self, octant: usize, child: &[[f64; C]], parent: &mut [[f64; C]]);
 
     /// Local of a parent to local of its child `octant` (section 2.5); exact where `m2m` is.
-    fn l2l(&self, octant: usize, parent: &[f64], child: &mut [f64]);
+    fn l2l(&self, octant: usize, parent: &[[f64; C]], child: &mut [[f64; C]]);
 
     /// Local to particles (eq 8), receivers in box coordinates, one row of colours each.
-    fn l2p(&self, local: &[f64], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; 3]]);
+    fn l2p(&self, local: &[[f64; C]], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; C]]);
 
     /// Multipole to particles outside the box (eq 5), receivers in the source box's coordinates.
-    fn m2p(&self, multipole: &[f64], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; 3]]);
+    fn m2p(&self, multipole: &[[f64; C]], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; C]]);
 
     /// Particles outside the box to local (eq 10), sources in the target box's coordinates.
-    fn p2l(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; 3]], local: &mut [f64]);
+    fn p2l(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; C]], local: &mut [[f64; C]]);
 }
-
-/// Numbers a coefficient: red, green and blue.
-pub const COLOURS: usize = 3;
 
 /// Multiplies by -1 the coefficients that change sign under a reflection of the axes in `mask`.
 ///

@@ -27,11 +27,11 @@ impl Operator {
         Self { mixing: Some(mixing), ..Self::dense(rows, columns, matrix) }
     }
 
-    /// locals += self multipoles, for `width` right-hand sides (three colours a pair of boxes).
+    /// locals += self multipoles, for `width` right-hand sides (the colours of each pair of boxes).
     ///
     /// `multipoles` is `[multipole coefficient][width]`, `locals` is `[local coefficient][width]`,
     /// both in box coordinates for boxes of half side 1. Widths that are a multiple of 48
-    /// (16 pairs) are the fastest.
+    /// are the fastest.
     pub fn apply(&self, width: usize, multipoles: &[f64], locals: &mut [f64]) {
         let Some(mixing) = &self.mixing else {
             return multiply(self.columns, &self.matrix, width, multipoles, locals);

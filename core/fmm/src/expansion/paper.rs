@@ -17,11 +17,8 @@ use super::shift::{Shift, side};
 use super::simplex::{Pascal, degree, exponents, index, sum};
 use super::source_matrix::{ENTRIES, POWERS, assembly, paired_translation, parity, receivers, translation};
 use super::sparse::Sparse;
-use super::{COLOURS, Expansion, Operator, displacement, sign};
+use super::{Expansion, InColours, Operator, displacement, sign};
 use std::f64::consts::PI;
-
-/// Numbers that go with one Q_a: a source matrix in three colours.
-const WIDTH: usize = ENTRIES * COLOURS;
 
 /// Powers of r in front of the entries that have 0, 1 and 2 factors y, at an inverted point.
 const INVERTED: [i32; 3] = [-4, -2, 0];
@@ -68,16 +65,16 @@ impl Paper {
     }
 
     /// An array [Q or monomial]`[entry][colour]` of zeros.
-    fn zeros(&self) -> Vec<f64> {
-        vec![0.0; self.harmonics.len() * WIDTH]
+    fn zeros(&self, colours: usize) -> Vec<f64> {
+        vec![0.0; self.multipole_len() * colours]
     }
 
     /// Multiplies by P and by what eq 4 puts in front of each term, in place of (x, y) inside.
-    fn weighted(&self, coefficients: &[f64]) -> Vec<f64> {
-        let mut weighted = self.zeros();
-        let rows = coefficients.chunks_exact(WIDTH).zip(weighted.chunks_exact_mut(WIDTH));
+    fn weighted(&self, colours: usize, coefficients: &[f64]) -> Vec<f64> {
+        let (mut weighted, width) = (self.zeros(colours), ENTRIES * colours);
+        let rows = coefficients.chunks_exact(width).zip(weighted.chunks_exact_mut(width));
         for (a, (from, to)) in rows.enumerate() {
-            self.receivers.apply(COLOURS, from, to);
+            self.receivers.apply(colours, from, to);
             let factor = self.harmonics.coefficient(a) / PI;
             to.iter_mut().for_each(|x| *x *= factor);
         }
@@ -112,25 +109,6 @@ impl Expansion for Paper {
         &self.parities
     }
 
-    fn p2m(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; 3]], multipole: &mut [f64]) {
-        let mut sums = vec![0.0; table_len(self.truncation + 2)];
-        gather(&self.monomials, positions, normals, strengths, &mut sums);
-        let mut moments = self.zeros();
-        self.assembly.apply(COLOURS, &sums, &mut moments);
-        self.harmonics.forward.apply(WIDTH, &moments, multipole);
-    }
-
-    fn m2m(&self, octant: usize, child: &[f64], parent: &mut [f64]) {
-        let mut moments = self.zeros();
-        self.harmonics.inverse.apply(WIDTH, child, &mut moments);
-        self.shift.up(octant, WIDTH, &mut moments);
-        let mut moved = self.zeros();
-        self.harmonics.forward.apply(WIDTH, &moments, &mut moved);
-        for (from, to) in moved.chunks_exact(WIDTH).zip(parent.chunks_exact_mut(WIDTH)) {
-            self.translations[octant].apply(COLOURS, from, to);
-        }
-    }
-
     fn m2l_operator(&self, offset: [i32; 3]) -> Operator {
         let d = displacement(offset);
         let len = self.harmonics.len();
@@ -142,51 +120,72 @@ impl Expansion for Paper {
         matrix.iter_mut().for_each(|x| *x /= PI);
         Operator::mixed(len, len, matrix, paired_translation(d.map(|x| -x)))
     }
+}
 
-    fn l2l(&self, octant: usize, parent: &[f64], child: &mut [f64]) {
-        let mut moved = self.zeros();
-        for (from, to) in parent.chunks_exact(WIDTH).zip(moved.chunks_exact_mut(WIDTH)) {
-            self.translations[octant].apply_transposed(COLOURS, from, to);
-        }
-        let mut field = self.zeros();
-        self.harmonics.forward.apply_transposed(WIDTH, &moved, &mut field);
-        self.shift.down(octant, WIDTH, &mut field);
-        self.harmonics.inverse.apply_transposed(WIDTH, &field, child);
+impl<const C: usize> InColours<C> for Paper {
+    fn p2m(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; C]], multipole: &mut [[f64; C]]) {
+        let mut sums = vec![[0.0; C]; table_len(self.truncation + 2)];
+        gather(&self.monomials, positions, normals, strengths, &mut sums);
+        let mut moments = self.zeros(C);
+        self.assembly.apply(C, sums.as_flattened(), &mut moments);
+        self.harmonics.forward.apply(ENTRIES * C, &moments, multipole.as_flattened_mut());
     }
 
-    fn l2p(&self, local: &[f64], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; 3]]) {
-        let mut field = self.zeros();
-        self.harmonics.forward.apply_transposed(WIDTH, local, &mut field);
-        let mut table = vec![0.0; table_len(self.truncation + 2)];
-        self.assembly.apply_transposed(COLOURS, &field, &mut table);
+    fn m2m(&self, octant: usize, child: &[[f64; C]], parent: &mut [[f64; C]]) {
+        let mut moments = self.zeros(C);
+        self.harmonics.inverse.apply(ENTRIES * C, child.as_flattened(), &mut moments);
+        self.shift.up(octant, ENTRIES * C, &mut moments);
+        let mut moved = self.zeros(C);
+        self.harmonics.forward.apply(ENTRIES * C, &moments, &mut moved);
+        for (from, to) in moved.chunks_exact(ENTRIES * C).zip(parent.chunks_exact_mut(ENTRIES)) {
+            self.translations[octant].apply(C, from, to.as_flattened_mut());
+        }
+    }
+
+    fn l2l(&self, octant: usize, parent: &[[f64; C]], child: &mut [[f64; C]]) {
+        let mut moved = self.zeros(C);
+        for (from, to) in parent.chunks_exact(ENTRIES).zip(moved.chunks_exact_mut(ENTRIES * C)) {
+            self.translations[octant].apply_transposed(C, from.as_flattened(), to);
+        }
+        let mut field = self.zeros(C);
+        self.harmonics.forward.apply_transposed(ENTRIES * C, &moved, &mut field);
+        self.shift.down(octant, ENTRIES * C, &mut field);
+        self.harmonics.inverse.apply_transposed(ENTRIES * C, &field, child.as_flattened_mut());
+    }
+
+    fn l2p(&self, local: &[[f64; C]], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; C]]) {
+        let mut field = self.zeros(C);
+        self.harmonics.forward.apply_transposed(ENTRIES * C, local.as_flattened(), &mut field);
+        let mut table = vec![[0.0; C]; table_len(self.truncation + 2)];
+        self.assembly.apply_transposed(C, &field, table.as_flattened_mut());
         scatter(&self.monomials, &table, positions, normals, irradiance);
     }
 
     /// r^(-2n) Q_a(x) is Q_a at the inverted point x / r^2, where all is polynomial again.
-    fn m2p(&self, multipole: &[f64], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; 3]]) {
-        let weighted = self.weighted(multipole);
-        let mut field = self.zeros();
-        self.harmonics.forward.apply_transposed(WIDTH, &weighted, &mut field);
+    fn m2p(&self, multipole: &[[f64; C]], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; C]]) {
+        let weighted = self.weighted(C, multipole.as_flattened());
+        let mut field = self.zeros(C);
+        self.harmonics.forward.apply_transposed(ENTRIES * C, &weighted, &mut field);
         for (assembly, power) in self.assembly_by_power.iter().zip(INVERTED) {
-            let mut table = vec![0.0; table_len(self.truncation + 2)];
-            assembly.apply_transposed(COLOURS, &field, &mut table);
+            let mut table = vec![[0.0; C]; table_len(self.truncation + 2)];
+            assembly.apply_transposed(C, &field, table.as_flattened_mut());
             let (x, n) = inverted(positions, normals, power);
             scatter(&self.monomials, &table, &x, &n, irradiance);
         }
     }
 
-    fn p2l(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; 3]], local: &mut [f64]) {
-        let mut moments = self.zeros();
+    fn p2l(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; C]], local: &mut [[f64; C]]) {
+        let mut moments = self.zeros(C);
         for (assembly, power) in self.assembly_by_power.iter().zip(INVERTED) {
-            let mut sums = vec![0.0; table_len(self.truncation + 2)];
+            let mut sums = vec![[0.0; C]; table_len(self.truncation + 2)];
             let (y, n) = inverted(positions, normals, power);
             gather(&self.monomials, &y, &n, strengths, &mut sums);
-            assembly.apply(COLOURS, &sums, &mut moments);
+            assembly.apply(C, sums.as_flattened(), &mut moments);
         }
-        let mut coefficients = self.zeros();
-        self.harmonics.forward.apply(WIDTH, &moments, &mut coefficients);
-        let weighted = self.weighted(&coefficients);
-        local.iter_mut().zip(weighted).for_each(|(out, x)| *out += x);
+        let mut coefficients = self.zeros(C);
+        self.harmonics.forward.apply(ENTRIES * C, &moments, &mut coefficients);
+        let weighted = self.weighted(C, &coefficients);
+        local.as_flattened_mut().iter_mut().zip(weighted).for_each(|(out, x)| *out += x);
     }
 }
 

@@ -2,7 +2,7 @@
 //! The work per particle: sums of functions over particles, and sums of functions at particles.
 //!
 //! Both expansions reduce to two loops over a set of scalar functions f_alpha (monomials, or the
-//! derivatives of log|d|), with n the normal and q the three colours of strength:
+//! derivatives of log|d|), with n the normal and q the strength in C colours:
 //!
 //! ```text
 //! gather   V[alpha][i][c] += sum_y f_alpha(y) n_i q_c
@@ -17,9 +17,6 @@ use multiversion::multiversion;
 
 /// Particles in a block: two registers of AVX-512, four of AVX2.
 const LANES: usize = 16;
-/// Numbers in a row: three axes times three colours.
-pub const ROW: usize = 9;
-
 type Lanes = [f64; LANES];
 
 /// The scalar functions f_alpha, alpha in the order of [`index`].
@@ -60,20 +57,20 @@ impl Functions {
     }
 }
 
-/// Number of functions up to a degree, times [`ROW`].
+/// Number of functions up to a degree, times three axes.
 pub const fn table_len(degree: usize) -> usize {
-    monomials(degree) * ROW
+    monomials(degree) * 3
 }
 
 /// `V[alpha][i][c]` += sum over particles of f_alpha(position) normal_i strength_c.
 ///
 /// `positions`, `normals` and `strengths` are one row a particle, `sums` is `[function][axis][colour]`.
-pub fn gather(
+pub fn gather<const C: usize>(
     functions: &Functions,
     positions: &[[f64; 3]],
     normals: &[[f64; 3]],
-    strengths: &[[f64; 3]],
-    sums: &mut [f64],
+    strengths: &[[f64; C]],
+    sums: &mut [[f64; C]],
 ) {
     let mut values = Vec::new();
     for start in (0..positions.len()).step_by(LANES) {
@@ -86,12 +83,12 @@ pub fn gather(
 /// H_c += sum over functions of normal_i f_alpha(position) `G[alpha][i][c]`.
 ///
 /// `table` is `[function][axis][colour]`; `irradiance` has one row of colours a particle.
-pub fn scatter(
+pub fn scatter<const C: usize>(
     functions: &Functions,
-    table: &[f64],
+    table: &[[f64; C]],
     positions: &[[f64; 3]],
     normals: &[[f64; 3]],
-    irradiance: &mut [[f64; 3]],
+    irradiance: &mut [[f64; C]],
 ) {
     let mut values = Vec::new();
     for start in (0..positions.len()).step_by(LANES) {
@@ -102,38 +99,38 @@ pub fn scatter(
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma", "x86_64+avx2+fma"))]
-fn gather_block(
+fn gather_block<const C: usize>(
     functions: &Functions,
     positions: &[[f64; 3]],
     normals: &[[f64; 3]],
-    strengths: &[[f64; 3]],
+    strengths: &[[f64; C]],
     values: &mut Vec<Lanes>,
-    sums: &mut [f64],
+    sums: &mut [[f64; C]],
 ) {
     let n = transposed(positions.len(), normals);
     let q = transposed(positions.len(), strengths);
-    let s: [Lanes; ROW] = std::array::from_fn(|k| std::array::from_fn(|l| n[k / 3][l] * q[k % 3][l]));
+    let s: [[Lanes; C]; 3] = n.map(|n| q.map(|q| std::array::from_fn(|l| n[l] * q[l])));
     functions.evaluate(&padded(positions), values);
-    for (value, sum) in values.iter().zip(sums.chunks_exact_mut(ROW)) {
-        for (sum, s) in sum.iter_mut().zip(&s) {
+    for (value, row) in values.iter().zip(sums.as_chunks_mut::<3>().0) {
+        for (sum, s) in row.as_flattened_mut().iter_mut().zip(s.as_flattened()) {
             *sum += dot(value, s);
         }
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma", "x86_64+avx2+fma"))]
-fn scatter_block(
+fn scatter_block<const C: usize>(
     functions: &Functions,
-    table: &[f64],
+    table: &[[f64; C]],
     positions: &[[f64; 3]],
     normals: &[[f64; 3]],
     values: &mut Vec<Lanes>,
-    irradiance: &mut [[f64; 3]],
+    irradiance: &mut [[f64; C]],
 ) {
     functions.evaluate(&padded(positions), values);
-    let mut field = [[0.0; LANES]; ROW];
-    for (value, row) in values.iter().zip(table.chunks_exact(ROW)) {
-        for (field, &g) in field.iter_mut().zip(row) {
+    let mut field = [[[0.0; LANES]; C]; 3];
+    for (value, row) in values.iter().zip(table.as_chunks::<3>().0) {
+        for (field, &g) in field.as_flattened_mut().iter_mut().zip(row.as_flattened()) {
             for l in 0..LANES {
                 field[l] += value[l] * g;
             }
@@ -141,15 +138,15 @@ fn scatter_block(
     }
     for (l, (h, n)) in irradiance.iter_mut().zip(normals).enumerate() {
         for (c, h) in h.iter_mut().enumerate() {
-            *h += n[0] * field[c][l] + n[1] * field[3 + c][l] + n[2] * field[6 + c][l];
+            *h += n[0] * field[0][c][l] + n[1] * field[1][c][l] + n[2] * field[2][c][l];
         }
     }
 }
 
 /// Rows of at most [`LANES`] particles as columns, zero beyond them.
 #[inline(always)]
-fn transposed(count: usize, rows: &[[f64; 3]]) -> [Lanes; 3] {
-    let mut columns = [[0.0; LANES]; 3];
+fn transposed<const C: usize>(count: usize, rows: &[[f64; C]]) -> [Lanes; C] {
+    let mut columns = [[0.0; LANES]; C];
     for (l, row) in rows[..count].iter().enumerate() {
         for (column, &x) in columns.iter_mut().zip(row) {
             column[l] = x;
@@ -192,17 +189,16 @@ mod tests {
         #[test]
         fn scatter_is_the_transpose_of_gather(
             (x, n, q, table) in (1usize..40).prop_flat_map(|count| {
-                (rows(count), rows(count), rows(count), proptest::collection::vec(-1.0..1.0, table_len(3)))
+                (rows(count), rows(count), rows(count), rows(table_len(3)))
             })
         ) {
             let functions = Functions::monomials(3);
-            let mut sums = vec![0.0; table_len(3)];
+            let mut sums = vec![[0.0; 3]; table_len(3)];
             gather(&functions, &x, &n, &q, &mut sums);
             let mut h = vec![[0.0; 3]; x.len()];
             scatter(&functions, &table, &x, &n, &mut h);
             for c in 0..3 {
-                let column = |v: &[f64]| v.iter().skip(c).step_by(3).copied().collect::<Vec<_>>();
-                let dot: f64 = column(&sums).iter().zip(column(&table)).map(|(a, b)| a * b).sum();
+                let dot: f64 = sums.iter().zip(&table).map(|(a, b)| a[c] * b[c]).sum();
                 let expected: f64 = h.iter().zip(&q).map(|(h, q)| h[c] * q[c]).sum();
                 prop_assert!((dot - expected).abs() < 1e-11);
             }

@@ -14,7 +14,7 @@
 use super::dense::{dot, products_of_rows, sandwiched, transposed};
 use super::quadrature::{Node, box_rule};
 use super::sparse::add_scaled;
-use super::{COLOURS, Expansion, displacement, reflect};
+use super::{Expansion, displacement, reflect};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -182,11 +182,9 @@ fn sampled(expansion: &dyn Expansion, nodes: &[Node]) -> Vec<f64> {
     let normals: Vec<_> = nodes.iter().flat_map(weighted).collect();
     let mut rows = vec![0.0; len * positions.len()];
     for (a, row) in rows.chunks_exact_mut(positions.len()).enumerate() {
-        let mut unit = vec![0.0; len * COLOURS];
-        unit[a * COLOURS] = 1.0;
-        let mut values = vec![[0.0; COLOURS]; positions.len()];
-        expansion.l2p(&unit, &positions, &normals, &mut values);
-        row.iter_mut().zip(values).for_each(|(out, value)| *out = value[0]);
+        let mut unit = vec![[0.0; 1]; len];
+        unit[a] = [1.0];
+        expansion.l2p(&unit, &positions, &normals, row.as_chunks_mut().0);
     }
     rows
 }

@@ -48,12 +48,14 @@ impl Sparse {
     }
 }
 
-/// [`Sparse::apply`] for the widths that matter, three colours and a source matrix in three
-/// colours, with the sums in registers.
+/// [`Sparse::apply`] for the widths that matter, one or three colours and a source matrix in as many, with the sums in
+/// registers.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma", "x86_64+avx2+fma"))]
 fn apply(sparse: &Sparse, width: usize, input: &[f64], output: &mut [f64]) {
     match width {
+        1 => apply_fixed::<1>(sparse, input, output),
         3 => apply_fixed::<3>(sparse, input, output),
+        16 => apply_fixed::<16>(sparse, input, output),
         48 => apply_fixed::<48>(sparse, input, output),
         _ => {
             for (row, out) in output.chunks_exact_mut(width).enumerate() {
@@ -83,7 +85,9 @@ fn apply_fixed<const WIDTH: usize>(sparse: &Sparse, input: &[f64], output: &mut 
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2+fma", "x86_64+avx2+fma"))]
 fn apply_transposed(sparse: &Sparse, width: usize, input: &[f64], output: &mut [f64]) {
     match width {
+        1 => apply_transposed_fixed::<1>(sparse, input, output),
         3 => apply_transposed_fixed::<3>(sparse, input, output),
+        16 => apply_transposed_fixed::<16>(sparse, input, output),
         48 => apply_transposed_fixed::<48>(sparse, input, output),
         _ => {
             for (row, from) in input.chunks_exact(width).enumerate() {

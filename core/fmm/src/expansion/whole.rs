@@ -16,11 +16,11 @@
 //! 3 (n + 1)(n + 2) / 2 numbers of degree n, and no error.
 
 use super::derivatives::{Derivatives, Radial};
-use super::particles::{Functions, ROW, gather, scatter, table_len};
+use super::particles::{Functions, gather, scatter, table_len};
 use super::shift::Shift;
 use super::simplex::{Exponent, Pascal, degree, exponents, index, lowered, raised, sum};
 use super::sparse::Sparse;
-use super::{COLOURS, Expansion, Operator, displacement, sign};
+use super::{Expansion, InColours, Operator, displacement, sign};
 use std::f64::consts::PI;
 
 const X: usize = 0;
@@ -64,18 +64,18 @@ impl Whole {
     }
 
     /// Kept coefficients among all vector moments, the others zero.
-    fn embed(&self, coefficients: &[f64]) -> Vec<f64> {
-        let mut moments = vec![0.0; table_len(self.truncation)];
-        for (&(alpha, axis), row) in self.kept.iter().zip(coefficients.chunks_exact(COLOURS)) {
-            moments[place(alpha, axis) * COLOURS..][..COLOURS].copy_from_slice(row);
+    fn embed<const C: usize>(&self, coefficients: &[[f64; C]]) -> Vec<[f64; C]> {
+        let mut moments = vec![[0.0; C]; table_len(self.truncation)];
+        for (&(alpha, axis), &row) in self.kept.iter().zip(coefficients) {
+            moments[place(alpha, axis)] = row;
         }
         moments
     }
 
     /// All coefficients of a divergence-free field from those kept.
-    fn expand(&self, local: &[f64]) -> Vec<f64> {
-        let mut field = vec![0.0; table_len(self.truncation)];
-        self.reduce.apply_transposed(COLOURS, local, &mut field);
+    fn expand<const C: usize>(&self, local: &[[f64; C]]) -> Vec<[f64; C]> {
+        let mut field = vec![[0.0; C]; table_len(self.truncation)];
+        self.reduce.apply_transposed(C, local.as_flattened(), field.as_flattened_mut());
         field
     }
 }
@@ -97,18 +97,6 @@ impl Expansion for Whole {
         &self.parities
     }
 
-    fn p2m(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; 3]], multipole: &mut [f64]) {
-        let mut moments = vec![0.0; table_len(self.truncation)];
-        gather(&self.monomials, positions, normals, strengths, &mut moments);
-        self.reduce.apply(COLOURS, &moments, multipole);
-    }
-
-    fn m2m(&self, octant: usize, child: &[f64], parent: &mut [f64]) {
-        let mut moments = self.embed(child);
-        self.shift.up(octant, ROW, &mut moments);
-        self.reduce.apply(COLOURS, &moments, parent);
-    }
-
     fn m2l_operator(&self, offset: [i32; 3]) -> Operator {
         let t = tensors(&self.derivatives, 2 * self.truncation, displacement(offset));
         let entry = |(beta, i): (Exponent, usize), (alpha, j): (Exponent, usize)| {
@@ -119,30 +107,43 @@ impl Expansion for Whole {
         let matrix = self.kept.iter().flat_map(row).collect();
         Operator::dense(self.kept.len(), self.kept.len(), matrix)
     }
+}
 
-    fn l2l(&self, octant: usize, parent: &[f64], child: &mut [f64]) {
+impl<const C: usize> InColours<C> for Whole {
+    fn p2m(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; C]], multipole: &mut [[f64; C]]) {
+        let mut moments = vec![[0.0; C]; table_len(self.truncation)];
+        gather(&self.monomials, positions, normals, strengths, &mut moments);
+        self.reduce.apply(C, moments.as_flattened(), multipole.as_flattened_mut());
+    }
+
+    fn m2m(&self, octant: usize, child: &[[f64; C]], parent: &mut [[f64; C]]) {
+        let mut moments = self.embed(child);
+        self.shift.up(octant, 3 * C, moments.as_flattened_mut());
+        self.reduce.apply(C, moments.as_flattened(), parent.as_flattened_mut());
+    }
+
+    fn l2l(&self, octant: usize, parent: &[[f64; C]], child: &mut [[f64; C]]) {
         let mut field = self.expand(parent);
-        self.shift.down(octant, ROW, &mut field);
-        for (&(alpha, axis), row) in self.kept.iter().zip(child.chunks_exact_mut(COLOURS)) {
-            let from = &field[place(alpha, axis) * COLOURS..];
-            row.iter_mut().zip(from).for_each(|(out, x)| *out += x);
+        self.shift.down(octant, 3 * C, field.as_flattened_mut());
+        for (&(alpha, axis), row) in self.kept.iter().zip(child) {
+            row.iter_mut().zip(field[place(alpha, axis)]).for_each(|(out, x)| *out += x);
         }
     }
 
-    fn l2p(&self, local: &[f64], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; 3]]) {
+    fn l2p(&self, local: &[[f64; C]], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; C]]) {
         scatter(&self.monomials, &self.expand(local), positions, normals, irradiance);
     }
 
-    fn m2p(&self, multipole: &[f64], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; 3]]) {
-        let mut table = vec![0.0; table_len(self.truncation + 2)];
-        self.far.apply_transposed(COLOURS, multipole, &mut table);
+    fn m2p(&self, multipole: &[[f64; C]], positions: &[[f64; 3]], normals: &[[f64; 3]], irradiance: &mut [[f64; C]]) {
+        let mut table = vec![[0.0; C]; table_len(self.truncation + 2)];
+        self.far.apply_transposed(C, multipole.as_flattened(), table.as_flattened_mut());
         scatter(&self.logarithm, &table, positions, normals, irradiance);
     }
 
-    fn p2l(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; 3]], local: &mut [f64]) {
-        let mut sums = vec![0.0; table_len(self.truncation + 2)];
+    fn p2l(&self, positions: &[[f64; 3]], normals: &[[f64; 3]], strengths: &[[f64; C]], local: &mut [[f64; C]]) {
+        let mut sums = vec![[0.0; C]; table_len(self.truncation + 2)];
         gather(&self.logarithm, positions, normals, strengths, &mut sums);
-        self.far.apply(COLOURS, &sums, local);
+        self.far.apply(C, sums.as_flattened(), local.as_flattened_mut());
     }
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Random particles, the direct sum, and chains of operators with their errors against it.
 
-use fmm::expansion::{COLOURS, Expansion};
+use fmm::expansion::Expansion;
 use std::f64::consts::PI;
 
 /// Particles in the coordinates of their own box.
@@ -78,17 +78,17 @@ pub fn error(found: &[[f64; 3]], expected: &[[f64; 3]]) -> f64 {
     (error / norm).sqrt()
 }
 
-pub fn zeros(len: usize) -> Vec<f64> {
-    vec![0.0; len * COLOURS]
+pub fn zeros(len: usize) -> Vec<[f64; 3]> {
+    vec![[0.0; 3]; len]
 }
 
-pub fn multipole(expansion: &dyn Expansion, sources: &Particles) -> Vec<f64> {
+pub fn multipole(expansion: &dyn Expansion, sources: &Particles) -> Vec<[f64; 3]> {
     let mut m = zeros(expansion.multipole_len());
     expansion.p2m(&sources.positions, &sources.normals, &sources.strengths, &mut m);
     m
 }
 
-pub fn local_at(expansion: &dyn Expansion, local: &[f64], targets: &Particles) -> Vec<[f64; 3]> {
+pub fn local_at(expansion: &dyn Expansion, local: &[[f64; 3]], targets: &Particles) -> Vec<[f64; 3]> {
     let mut h = vec![[0.0; 3]; targets.positions.len()];
     expansion.l2p(local, &targets.positions, &targets.normals, &mut h);
     h
@@ -130,7 +130,7 @@ pub fn p2m2l2p(expansion: &dyn Expansion, offset: [i32; 3]) -> f64 {
     let (sources, targets) = (particles(50, 5), particles(40, 6));
     let mut local = zeros(expansion.local_len());
     let operator = expansion.m2l_operator(offset);
-    operator.apply(COLOURS, &multipole(expansion, &sources), &mut local);
+    operator.apply(3, multipole(expansion, &sources).as_flattened(), local.as_flattened_mut());
     let h = local_at(expansion, &local, &targets);
     error(&h, &direct(&targets, &sources, shift(offset)))
 }
@@ -141,7 +141,7 @@ pub fn p2m2m2l2l2p(expansion: &dyn Expansion, octants: [usize; 2], offset: [i32;
     let mut m = zeros(expansion.multipole_len());
     expansion.m2m(octants[0], &multipole(expansion, &sources), &mut m);
     let (mut parent, mut child) = (zeros(expansion.local_len()), zeros(expansion.local_len()));
-    expansion.m2l_operator(offset).apply(COLOURS, &m, &mut parent);
+    expansion.m2l_operator(offset).apply(3, m.as_flattened(), parent.as_flattened_mut());
     expansion.l2l(octants[1], &parent, &mut child);
     let h = local_at(expansion, &child, &targets);
     let sources = sources.seen(2.0, corner(octants[0]));
