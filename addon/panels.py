@@ -10,7 +10,7 @@ from bl_ui.utils import PresetPanel
 from bpy.app.translations import pgettext_iface as translated
 
 from . import estimate, shading
-from .report import PHASES, percent
+from .report import PHASES, measured, percent
 from .session import Running, session
 
 #: Warnings that are shown; the Info editor and the report have them all.
@@ -112,7 +112,7 @@ class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
         column = self.layout.column(align=True)
         error = report["error"]
         if error["measured_rms"] is not None:
-            _draw_pair(column, "Measured Error", percent(error["measured_rms"]))
+            _draw_pair(column, "Measured Error", measured(error))
             _draw_pair(column, "Largest Error", percent(error["measured_max"]))
         _draw_pair(column, "Rays", f"{report['counts']['rays']:,}")
         for phase, name in PHASES.items():

@@ -22,13 +22,20 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %"
 
 
+def measured(error: dict) -> str:
+    """The measured error with the range that it lies in, or what it is below where it is too small to be told."""
+    if not error["low"]:
+        return f"below {percent(error['high'])}"
+    return f"{percent(error['measured_rms'])} ({percent(error['low'])} to {percent(error['high'])})"
+
+
 def summary(report: dict) -> str:
     """A report in one line."""
     counts, error = report["counts"], report.get("error") or {}
-    measured, seconds = error.get("measured_rms"), report["seconds"]["total"]
+    seconds = report["seconds"]["total"]
     text = f"{counts['output_points']:,} points from {counts['triangles']:,} triangles in {seconds:.2f} s"
-    if measured is not None:
-        text = f"{text}, measured error {percent(measured)}"
+    if error.get("measured_rms") is not None:
+        text = f"{text}, measured error {measured(error)}"
     return f"{text}, visibility kept" if report["visibility_kept"] and not counts["rays"] else text
 
 
@@ -37,7 +44,7 @@ def text(report: dict) -> str:
     error, lines = report["error"], [f"Radiosity: {summary(report)}", ""]
     if error["measured_rms"] is not None:
         lines += [
-            f"Measured error: {percent(error['measured_rms'])} of the light on average, at most "
+            f"Measured error: {measured(error)} of the light on average, at most "
             f"{percent(error['measured_max'])}, at {error['probes']} random points",
             "",
         ]

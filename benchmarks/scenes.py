@@ -13,8 +13,8 @@ import numpy as np
 from common import Array, Row, print_rows, relative_l2
 from cycles_bake import Mesh, gridded
 from fmm_core import Scene, Settings, Solution, solve
-from fmm_core.accuracy import by_rays
 from fmm_core.direct import DirectSpace
+from fmm_core.reference import Reference
 from numpy.typing import NDArray
 
 Points = tuple[Array, Array]
@@ -128,7 +128,8 @@ def exact_gather(solution: Solution, points: tuple[Array, Array]) -> Array:
 
 def many_rays(solution: Solution, points: Points) -> Array:
     """The same by very many rays over the hemisphere, which see what is left of a patch that another object cuts."""
-    return by_rays(solution._space.sums, solution.radiosity, *points, rays=TRUTH_RAYS)
+    reference = Reference(solution.scene, solution._space.sums)
+    return reference.irradiance(*points, solution.radiosity, TRUTH_RAYS, 0)
 
 
 def compare(

@@ -1,95 +1,142 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The measured error of a solve: a few random probes, each found once more with very many rays."""
+"""The measured error of a solve: a few random probes, each found once more by rays, and a range that it lies in."""
 
+import os
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
 from .multipole import MultipoleSpace
+from .progress import Tick, silent
+from .reference import Reference
+from .scene import Scene
 from .settings import Settings
-from .transport import Sums
+from .transport import Operator, Space
 
 Points = NDArray[np.float64]
 
-#: Rays over the hemisphere of a probe: their own error is a fifth of that of a bake with a few hundred.
-PROBE_RAYS = 4096
-#: Probes traced at once: bounds memory.
-PROBES_PER_BLOCK = 64
-#: From one ray to the next, of a whole turn (Vogel's spiral).
-GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+#: Rays of each kind from a probe, and from all particles together, in each of two independent estimates.
+PROBE_RAYS, PARTICLE_RAYS = 512, 400_000
+#: What measuring may take, as a share of the other seconds of a bake; below so many of all rays it says nothing.
+SHARE, LEAST_EFFORT = 0.25, 0.25
+#: Seconds of a ray, with all that is done for it, on one core: it need not be exact.
+RAY_SECONDS = 7e-7
+#: Applications of the exchange after which an error of the radiosity goes on as a geometric series.
+STEPS = 4
+#: Standard deviation of the product of both estimates' noise over all probes, as a share of their squared difference.
+COMMON = 0.15
+#: Samples of the probes that tell how far chance goes, and the share of them that the range holds.
+RESAMPLES, CONFIDENCE = 1000, 0.95
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What is measured: a scene, the operators and the radiosity (N, 3) that solve it.
+
+    direct   (N, 3) irradiance of the particles from lamps and sky; what is wrong with it is not measured
+    lamps    the same at any points with normals (M, 3), exact
+    """
+
+    scene: Scene
+    space: Space
+    exchange: Operator
+    radiosity: Points
+    direct: Points
+    lamps: Callable[[Points, Points], Points]
 
 
 def measure(
     found: Points,
-    space: MultipoleSpace,
-    radiosity: Points,
     points: Points,
     normals: Points,
+    solved: Solved,
     settings: Settings,
-    direct: Callable[[Points, Points], Points],
-) -> dict[str, float | int | None]:
-    """Relative error of irradiance (M, 3) at random ones of the points (M, 3), against `by_rays` there, or against the
-    direct sum where nothing is in the way; with what lamps and sky send, which `direct` finds once more.
+    seconds: tuple[float, float],
+    tick: Tick = silent,
+) -> dict[str, Any]:
+    """Relative error of the irradiance (M, 3) found at points with normals (M, 3), judged at random ones of them.
 
-    measured_rms   relative L2 error over the probes; measured_max   largest error of a probe, relative to their RMS
-    irradiance; bound   the paper's bound (section 2.2) for the two nearest boxes that exchange light by expansions,
-    relative to the largest irradiance that the source box can send there
+    seconds: those of the bake so far, and those of one application of the exchange. Returns
+
+    measured_rms   relative L2 error over the probes, with the noise of what they are judged by taken out
+    low, high      where it lies in 95 of 100 cases; low is 0 where it is too small to be told from noise
+    measured_max   largest error of a probe, relative to their RMS irradiance, noise included
+    gathered       the part of the error that the last gather has; the rest comes with the radiosity
+    probes, rays   how many there were, and what measuring took
+    bound          of the multipole method: the paper's (section 2.2) for the two nearest boxes that exchange light by
+                   expansions, relative to the largest irradiance that the source box can send there
     """
     rng = np.random.default_rng(0)
-    chosen = rng.choice(len(points), size=min(settings.probes, len(points)), replace=False)
-    sums, judged = space.sums, (points[chosen], normals[chosen])
-    if space.open:
-        judge = Sums(sums.particles, None, sums.near_reach).direct_operator(*judged)
-        if space.lit is not None:
-            judge.balanced(space.closed, space.lit)
-        exact = judge.apply(radiosity)
-    else:
-        exact = by_rays(sums, radiosity, *judged)
-    exact = exact + direct(*judged)
-    errors, scale = np.linalg.norm(found[chosen] - exact, axis=1), np.sqrt((exact**2).sum(axis=1).mean())
-    relative = errors / scale if scale > 0 else errors
+    chosen = np.sort(rng.choice(len(found), size=min(settings.probes, len(found)), replace=False))
+    points, normals, particles = points[chosen], normals[chosen], solved.space.sums.particles
+    reference, albedo = Reference(solved.scene, solved.space.sums), particles.of_triangles(solved.scene.albedo)
+    lamps = solved.lamps(points, normals)
+    effort = _effort(len(chosen), *seconds)
+    rays, samples = round(effort**0.5 * PROBE_RAYS), max(1, round(effort * PARTICLE_RAYS / len(particles.areas)))
+    gathered, further = [], []
+    for half in (0, 1):
+        residual = reference.residual(solved.radiosity, samples, half) + albedo * solved.direct
+        tick(0.5 * half + 0.2)
+        missing = propagated(solved.exchange, albedo, residual)
+        tick(0.5 * half + 0.3)
+        both = reference.irradiance(points, normals, np.hstack([solved.radiosity, missing]), rays, 2 + half)
+        gathered.append(both[:, :3] + lamps)
+        further.append(both[:, 3:])
+        tick(0.5 * half + 0.5)
+    whole = np.add(gathered, further)
+    errors = found[chosen] - whole
+    scale = (whole[0] * whole[1]).sum(axis=1).mean()
+    scale = scale if scale > 0 else 1.0
+    of_gather = np.prod(found[chosen] - gathered, axis=0).sum(axis=1) / scale
+    of_radiosity = np.prod(errors, axis=0).sum(axis=1) / scale - of_gather
+    # What the estimate of the radiosity's error is off by is much the same at all probes.
+    noise = COMMON * ((further[0] - further[1]) ** 2).sum(axis=1).mean() / scale
+    picked = rng.integers(0, len(chosen), (RESAMPLES, len(chosen)))
+    part = of_radiosity[picked].mean(axis=1) + rng.normal(0.0, noise, RESAMPLES)
+    # The part that is noise if anything: it counts as far as it stands out.
+    certain = max(0.0, 1.0 - 2.0 * part.var() / max(of_radiosity.mean() ** 2, np.finfo(float).tiny))
+    low, high = np.quantile(of_gather[picked].mean(axis=1) + part, (0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2))
+    squared = of_gather.mean() + certain * of_radiosity.mean()
+    multipole = isinstance(solved.space, MultipoleSpace)
     return {
-        "measured_rms": float(np.sqrt((relative**2).mean())),
-        "measured_max": float(relative.max()),
+        "measured_rms": _root(squared),
+        "low": min(_root(low), _root(squared)),
+        "high": max(_root(high), _root(squared)),
+        "measured_max": float(np.linalg.norm(errors.mean(axis=0), axis=1).max() / np.sqrt(scale)),
+        "gathered": _root(of_gather.mean()),
         "probes": len(chosen),
-        "bound": nearest_bound(settings.truncation, settings.separation),
+        "rays": reference.rays,
+        "bound": nearest_bound(settings.truncation, settings.separation) if multipole else None,
     }
 
 
-def by_rays(sums: Sums, radiosity: Points, points: Points, normals: Points, rays: int = PROBE_RAYS) -> Points:
-    """Irradiance (M, 3) from the particles' radiosity (N, 3) without any boxes, expansions or lists.
-
-    Strong emitters count by the direct sum with a ray each; everything else by rays over the hemisphere, evenly by
-    cosine, each of which counts with the radiosity of what it meets.
+def propagated(exchange: Operator, albedo: Points, residual: Points) -> Points:
+    """About the e (N, 3) of e = residual + albedo * exchange(e): what the radiosity lacks where each particle lacks so
+    much of what the others send it.
     """
-    emits = sums.particles.emits
-    irradiance = np.zeros((len(points), 3))
-    if emits.any():
-        emitters = Sums(sums.particles.only(emits), sums.occlusion, sums.near_reach)
-        irradiance += emitters.direct_operator(points, normals).apply(radiosity[emits])
-    reflected = np.vstack([np.where(emits[:, None], 0.0, radiosity), np.zeros((1, 3))])
-    for start in range(0, len(points), PROBES_PER_BLOCK):
-        rows = slice(start, start + PROBES_PER_BLOCK)
-        met = sums.occlusion.met_over_hemispheres(
-            points[rows], _spiral(normals[rows], rays), normals[rows], sums.surface
-        )
-        irradiance[rows] += reflected[met].mean(axis=1)
-    return irradiance
+    total, term, ratio = residual, residual, 0.0
+    for _ in range(STEPS):
+        following = albedo * exchange.apply(term)
+        before = (term * term).sum()
+        ratio = (following * term).sum() / before if before > 0 else 0.0
+        total, term = total + following, following
+    ratio = min(max(ratio, 0.0), float(albedo.max()))
+    return total + term * ratio / (1 - ratio)
 
 
-def _spiral(normals: Points, count: int) -> Points:
-    """(M, count, 3) directions about unit normals (M, 3), even by cosine, turned for each at random."""
-    rng = np.random.default_rng(1)
-    shift, turn = rng.random((2, len(normals), 1))
-    k = np.arange(count)
-    radius, angle = np.sqrt((k + shift) / count), 2 * np.pi * (GOLDEN * k + turn)
-    axis = np.where(np.abs(normals[:, :1]) > 0.6, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
-    s = np.cross(normals, axis)
-    s /= np.linalg.norm(s, axis=1, keepdims=True)
-    x, y, z = radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - radius**2)
-    return x[..., None] * s[:, None] + y[..., None] * np.cross(normals, s)[:, None] + z[..., None] * normals[:, None]
+def _effort(probes: int, baked: float, application: float) -> float:
+    """Share of all rays that measuring can afford."""
+    rays = 4 * (PROBE_RAYS * probes + PARTICLE_RAYS)
+    left = SHARE * baked - 2 * STEPS * application
+    return float(np.clip(left / (rays * RAY_SECONDS / (os.cpu_count() or 1)), LEAST_EFFORT, 1.0))
+
+
+def _root(squared: float) -> float:
+    return float(np.sqrt(max(0.0, squared)))
 
 
 def nearest_bound(truncation: int, separation: int) -> float:

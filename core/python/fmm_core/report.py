@@ -25,6 +25,9 @@ COUNTS = (
     "rays",
 )
 
+#: What `accuracy.measure` finds.
+ERROR = ("measured_rms", "low", "high", "measured_max", "gathered", "probes", "rays", "bound")
+
 
 class Report:
     """Collects counts, seconds, residuals and warnings while a scene is solved and baked."""
@@ -34,7 +37,7 @@ class Report:
         self.counts = dict.fromkeys(COUNTS, 0)
         self.seconds = dict.fromkeys(PHASES, 0.0)
         self.residuals: list[float] = []
-        self.error: dict[str, Any] = {"measured_rms": None, "measured_max": None, "probes": 0, "bound": None}
+        self.error: dict[str, Any] = dict.fromkeys(ERROR) | {"probes": 0, "rays": 0}
         self.postponement: float | None = None
         #: Rays that other solutions of the same scene had traced before.
         self.traced = 0

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .accuracy import PROBE_RAYS, measure
+from .accuracy import PROBE_RAYS, Solved, measure
 from .arrays import finite_rows, unit_rows
 from .direct_light import LIGHTING, Receivers
 from .errors import Error, memory_errors
@@ -24,6 +24,8 @@ from .scene import Scene
 from .settings import Settings
 from .sky import Sky
 from .transport import Operator, Space
+
+Points = NDArray[np.float64]
 
 
 class Solution:
@@ -75,15 +77,15 @@ class Solution:
         points = points - self.scene.origin
         with memory_errors(), self._report.time("evaluate"):
             gathered = self._space.gather(
-                points, normals, self._radiosity, ticker(progress, 0.0, 0.8, "Gathering light"), effort
+                points, normals, self._radiosity, ticker(progress, 0.0, 0.7, "Gathering light"), effort
             )
-            irradiance = gathered + self._direct(points, normals, effort, ticker(progress, 0.8, 1.0, LIGHTING))
+            irradiance = gathered + self._direct(points, normals, effort, ticker(progress, 0.7, 0.8, LIGHTING))
         self._report.counts["output_points"] = len(points)
-        if self._is_measured(len(points)):
+        # Once a solve, and not where it shall trace no ray.
+        if self.settings.probes > 0 and len(points) > 0 and not self._relit and not self._report.error["probes"]:
+            tick = ticker(progress, 0.8, 1.0, "Measuring the error")
             with memory_errors(), self._report.time("accuracy"):
-                self._report.error = measure(
-                    irradiance, self._space, self.radiosity, points, normals, self.settings, self._measured_direct
-                )
+                self._report.error = self._measured(irradiance, points, normals, tick)
         # Expansions and corrections may leave a little less than nothing in the dark.
         irradiance = np.maximum(irradiance, 0.0)
         self._report.counts["rays"] = self._space.sums.rays - self._report.traced
@@ -109,16 +111,17 @@ class Solution:
             self._lit_points = asked
         return self._lit_points.irradiance(self.scene.lights, self.scene.sky, tick)
 
-    def _measured_direct(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The same with very many rays."""
-        return Receivers(points, normals, self._space.sums.occlusion, PROBE_RAYS).irradiance(
-            self.scene.lights, self.scene.sky
-        )
+    def _measured(self, irradiance: NDArray[np.float64], points: Points, normals: Points, tick: Tick) -> dict[str, Any]:
+        lights, sky = self.scene.lights, self.scene.sky
 
-    def _is_measured(self, count: int) -> bool:
-        """Once a solve, unless it shall trace no ray; the direct method is what others are measured by."""
-        wanted = self.settings.probes > 0 and count > 0 and self._report.error["measured_rms"] is None
-        return wanted and isinstance(self._space, MultipoleSpace) and not self._relit
+        def lamps(points: Points, normals: Points) -> Points:
+            return Receivers(points, normals, self._space.sums.occlusion, PROBE_RAYS).irradiance(lights, sky)
+
+        direct = self._lit.irradiance(lights, sky)
+        solved = Solved(self.scene, self._space, self._exchange, self.radiosity, direct, lamps)
+        seconds = self._report.seconds
+        application = seconds["transport"] / max(1, len(self._report.residuals))
+        return measure(irradiance, points, normals, solved, self.settings, (sum(seconds.values()), application), tick)
 
     def serves(self, scene: Scene) -> bool:
         """Whether `relight` with the lights and albedo of a scene does what a new solve of it would do.

@@ -5,6 +5,8 @@ import os
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +47,15 @@ LEAST_BATCHES = 8
 CELLS_PER_BLOCK = 16
 
 
+class Met(NamedTuple):
+    """What rays meet: particles and triangles (K,), -1 for none; where, and the unit normals of the side met (K, 3)."""
+
+    particles: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+    positions: NDArray[np.float64]
+    normals: NDArray[np.float64]
+
+
 class Occlusion:
     """Shadow rays against the triangles of a scene, in single precision inside a unit box.
 
@@ -68,8 +79,15 @@ class Occlusion:
         self.whole = scene.opacity is None
         if not self.whole:
             self._scene = SeeThrough(self._scene, scene.opacity)
+        self._unkept = self._scene
         if kept is not None:
             self._scene = kept.around(self._scene)
+
+    def apart(self) -> "Occlusion":
+        """The same triangles, for rays that are counted apart and never kept."""
+        other = copy(self)
+        other._scene, other.rays = self._unkept, 0
+        return other
 
     @property
     def replayed(self) -> int:
@@ -106,7 +124,7 @@ class Occlusion:
             _binding.mark_visible(bits[rows.start * words : rows.stop * words], len(sources), pairs, occluded)
             return len(pairs)
 
-        self.rays += _run_blocks(block, len(points), max(1, BLOCK_PAIRS // max(1, len(sources))), tick)
+        self.run_blocks(block, len(points), BLOCK_PAIRS // max(1, len(sources)), tick)
         if symmetric:
             _binding.symmetrise(bits, len(sources))
         return bits
@@ -191,19 +209,6 @@ class Occlusion:
         met = self._scene.run(origins, directions, query="INTERSECT", output=True)
         return met["primID"], _on_grid(met["u"]), _on_grid(met["v"])
 
-    def met_over_hemispheres(
-        self,
-        points: NDArray[np.float64],
-        directions: NDArray[np.float64],
-        normals: NDArray[np.float64],
-        surface: _binding.Surface,
-    ) -> NDArray[np.int64]:
-        """(M, K) the particle that each ray from a point (M, 3) meets, or -1; directions (M, K, 3)."""
-        origins = np.repeat(self._lifted(points, normals).astype(np.float32), directions.shape[1], axis=0)
-        flat = directions.reshape(-1, 3).astype(np.float32)
-        self.rays += len(flat)
-        return surface.met(*self._met(origins, flat), flat).reshape(directions.shape[:2])
-
     def find_cells(self, fmm: _binding.Fmm, tick: Tick = silent) -> None:
         """Turns the lists of a fast multipole sum into visible ones by pairs of cells, as in section 5 of the paper."""
 
@@ -224,16 +229,25 @@ class Occlusion:
         target_normals: NDArray[np.float64],
     ) -> NDArray[np.bool_]:
         """(K,) whether each point sees its target; all four (K, 3), both ends lifted off along their normals."""
-        origins = self._lifted(points, normals).astype(np.float32)
-        directions = (self._lifted(targets, target_normals) - origins).astype(np.float32)
         seen = np.empty(len(points), dtype=bool)
 
         def block(rows: slice) -> int:
-            seen[rows] = ~self._occluded(origins[rows], directions[rows])
+            seen[rows] = self.sees(points[rows], normals[rows], targets[rows], target_normals[rows])
             return rows.stop - rows.start
 
-        self.rays += _run_blocks(block, len(points), BLOCK_PAIRS, silent)
+        self.run_blocks(block, len(points), BLOCK_PAIRS)
         return seen
+
+    def sees(
+        self,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        targets: NDArray[np.float64],
+        target_normals: NDArray[np.float64],
+    ) -> NDArray[np.bool_]:
+        """The same for a few, to be called by what `run_blocks` runs."""
+        origins = self._lifted(points, normals).astype(np.float32)
+        return ~self._occluded(origins, (self._lifted(targets, target_normals) - origins).astype(np.float32))
 
     def transmitted(
         self,
@@ -253,6 +267,23 @@ class Occlusion:
             return 1.0 - self._occluded(origins, directions)
         ends = np.ones(len(origins), np.float32)
         return _on_grid(self._scene.run(origins, directions, dists=ends, query="TRANSMITTED")).astype(np.float64)
+
+    def met(
+        self,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        directions: NDArray[np.float64],
+        surface: _binding.Surface,
+    ) -> Met:
+        """What rays from points (K, 3) meet along directions (K, 3), to be called by what `run_blocks` runs."""
+        flat = directions.astype(np.float32)
+        triangles, u, v = self._met(self._lifted(points, normals).astype(np.float32), flat)
+        a, b, c = self.triangles[triangles].transpose(1, 0, 2)
+        positions = a + u[:, None] * (b - a) + v[:, None] * (c - a)
+        sides = self._normals[triangles]
+        sides = sides / np.linalg.norm(sides, axis=1, keepdims=True)
+        sides *= -np.sign((sides * directions).sum(axis=1, keepdims=True))
+        return Met(surface.met(triangles, u, v, flat), triangles, positions, sides)
 
     def run_blocks(self, work: Callable[[slice], int], count: int, size: int, tick: Tick = silent) -> None:
         """Runs `work` on slices of so many rows, several at once; it returns how many rays it asked."""

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Is the measured error of a bake its true one? In rooms, clutter and among balls, and where one setting spoils it.
+
+uv run python benchmarks/measured_error.py [--json FILE] [--only NAME ...]
+
+The true error is that at up to 2,000 of the output points, against the light that 4,096 rays over each hemisphere find
+in a solution with ten times the rays and p = 8. What those rays are off by themselves is taken out: two sets of them
+give the mean of the product of both differences. `ratio` is measured over true.
+"""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from common import Array, Row, print_table, write_json
+from common import parser as base_parser
+from cycles_bake import Mesh
+from fmm_core import Scene, Settings, Solution, solve
+from fmm_core.reference import Reference
+from scenes import block, clutter, clutter_mesh, cornell, cornell_mesh, quad, sphere, subdivided
+
+Points = tuple[Array, Array]
+#: Points at which the true error is found, rays for each, and what the truth is solved with.
+JUDGED, TRUTH_RAYS = 2000, 4096
+FINE = Settings(method="fmm", truncation=8, rays=2000, particles=30_000, probes=0)
+#: The bar for the ratio, either way.
+FACTOR = 1.5
+COLUMNS = {
+    "name": ("scene", "s"),
+    "true": ("true", ".4f"),
+    "measured_rms": ("measured", ".4f"),
+    "low": ("low", ".4f"),
+    "high": ("high", ".4f"),
+    "gathered": ("gathered", ".4f"),
+    "ratio": ("ratio", ".2f"),
+    "seconds": ("seconds", ".2f"),
+    "share": ("measuring", ".0%"),
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene, where it is baked, and how."""
+
+    name: str
+    make: Callable[[], tuple[Scene, Points]]
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+def scattered(triangles: Array, count: int = 4000) -> Points:
+    """Random points (M, 3) on triangles, even by area, and their normals."""
+    rng = np.random.default_rng(3)
+    cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    area = np.linalg.norm(cross, axis=1)
+    chosen = rng.choice(len(area), count, p=area / area.sum())
+    root, other = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
+    a, b, c = triangles[chosen].transpose(1, 0, 2)
+    return (1 - root) * a + root * ((1 - other) * b + other * c), cross[chosen] / area[chosen, None]
+
+
+def in_triangles(triangles: Array, albedo: Array, emission: Array) -> tuple[Scene, Points]:
+    """A scene that is judged at random points of its triangles."""
+    return Scene(triangles, albedo, emission), scattered(np.asarray(triangles))
+
+
+def of_mesh(mesh: Mesh) -> tuple[Scene, Points]:
+    """A scene that is judged at its vertices."""
+    output = mesh.output_points()
+    return mesh.scene(), (output.points, output.normals)
+
+
+def room() -> tuple[Scene, Points]:
+    """The room with two blocks."""
+    return in_triangles(*cornell())
+
+
+def pale_room() -> tuple[Scene, Points]:
+    """The same, nearly white."""
+    triangles, albedo, emission = cornell()
+    return in_triangles(triangles, np.where(emission[:, None] > 0, albedo, 0.95), emission)
+
+
+def spheres() -> tuple[Scene, Points]:
+    """Four balls in a room, as curved as their 2,000 triangles each make them."""
+    triangles, albedo, emission = (values[:12] for values in cornell())
+    places = ((0.25, 0.3, 0.2), (0.7, 0.3, 0.2), (0.45, 0.7, 0.25), (0.7, 0.65, 0.6))
+    balls = [0.18 * sphere(4) + np.array(place) for place in places]
+    count = sum(map(len, balls))
+    parts = np.concatenate([triangles, *balls]), np.concatenate([albedo, np.full((count, 3), 0.6)])
+    return in_triangles(*parts, np.concatenate([emission, np.zeros(count)]))
+
+
+def many_lamps() -> tuple[Scene, Points]:
+    """The room with two blocks and sixteen small lamps."""
+    triangles, albedo, emission = cornell()
+    lamps = [
+        triangle
+        for x in np.linspace(0.1, 0.85, 4)
+        for y in np.linspace(0.1, 0.85, 4)
+        for triangle in quad(*(np.array([x + a, y + b, 0.98]) for a, b in ((0, 0), (0, 0.03), (0.03, 0.03), (0.03, 0))))
+    ]
+    keep = emission == 0
+    triangles = np.concatenate([triangles[keep], np.array(lamps)])
+    albedo = np.concatenate([albedo[keep], np.zeros((len(lamps), 3))])
+    return in_triangles(triangles, albedo, np.where(np.arange(len(triangles)) < keep.sum(), 0.0, 100.0))
+
+
+def columns() -> tuple[Scene, Points]:
+    """A room full of thin columns, lit by a bright wall."""
+    triangles, albedo, _ = (values[:10] for values in cornell())
+    stands = [
+        triangle
+        for x in np.linspace(0.15, 0.85, 5)
+        for y in np.linspace(0.15, 0.85, 5)
+        for triangle in block((x, y), 0.03, 0.8, x + y)
+    ]
+    triangles = subdivided(np.concatenate([triangles, np.array(stands)]), 2)
+    albedo = np.repeat(np.concatenate([albedo, np.full((len(stands), 3), 0.5)]), 16, axis=0)
+    return in_triangles(triangles, albedo, np.where(np.arange(len(triangles)) // 32 == 4, 5.0, 0.0))
+
+
+CASES = (
+    Case("room", room),
+    Case("room, 30 rays", room, {"rays": 30}),
+    Case("room, p = 0", room, {"truncation": 0}),
+    Case("room, p = 1", room, {"truncation": 1}),
+    Case("room, 500 points", room, {"particles": 500}),
+    Case("room, direct, 500", room, {"particles": 500, "method": "direct"}),
+    Case("white room, p = 1", pale_room, {"truncation": 1}),
+    Case("fine mesh", lambda: of_mesh(cornell_mesh(20_000))),
+    Case("clutter", lambda: of_mesh(clutter_mesh(12_500)), {}),
+    Case("clutter of 20", lambda: in_triangles(*clutter(20, 3)), {"rays": 60}),
+    Case("balls", spheres),
+    Case("balls, p = 0", spheres, {"truncation": 0}),
+    Case("sixteen lamps", many_lamps),
+    Case("columns", columns),
+)
+SMALL = ("room, 500 points",)
+
+
+def true_error(found: Array, points: Points, fine: Solution) -> float:
+    """Relative L2 error of irradiance (M, 3) at some of the points."""
+    rows = np.random.default_rng(1).choice(len(found), min(JUDGED, len(found)), replace=False)
+    reference, judged = Reference(fine.scene, fine._space.sums), (points[0][rows], points[1][rows])
+    halves = [reference.irradiance(*judged, fine.radiosity, TRUTH_RAYS, seed) for seed in (1000, 1001)]
+    squared = ((found[rows] - halves[0]) * (found[rows] - halves[1])).sum() / (halves[0] * halves[1]).sum()
+    return float(np.sqrt(max(0.0, squared)))
+
+
+def run(case: Case) -> Row:
+    """Measured and true error of one bake."""
+    scene, points = case.make()
+    solution = solve(scene, Settings(**({"method": "fmm", "particles": 8000} | case.options)))
+    found = solution.irradiance(*points)
+    error, seconds = solution.report["error"], solution.report["seconds"]
+    true = true_error(found, points, solve(scene, FINE))
+    return {
+        "name": case.name,
+        "true": true,
+        **error,
+        "ratio": error["measured_rms"] / true,
+        "seconds": seconds["total"],
+        "share": seconds["accuracy"] / (seconds["total"] - seconds["accuracy"]),
+    }
+
+
+def main() -> None:
+    options = base_parser(__doc__)
+    options.add_argument("--only", nargs="+", choices=[case.name for case in CASES], help="some of the scenes")
+    arguments: argparse.Namespace = options.parse_args()
+    names = SMALL if arguments.small else arguments.only
+    rows = [run(case) for case in CASES if names is None or case.name in names]
+    print_table(rows, COLUMNS)
+    outside = [row["name"] for row in rows if not 1 / FACTOR <= row["ratio"] <= FACTOR]
+    print(f"{len(rows) - len(outside)} of {len(rows)} within a factor of {FACTOR}", *outside, sep="; ")
+    write_json(arguments.json, rows)
+
+
+if __name__ == "__main__":
+    main()

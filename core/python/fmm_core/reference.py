@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an error is measured against: light found by random rays, noisy, but right on the average."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .particles import NO_PATCH, Particles
+from .scene import Scene
+from .transport import Sums
+from .visibility import Occlusion
+
+Points = NDArray[np.float64]
+
+#: Rays that are traced together.
+RAYS_PER_BLOCK = 8192
+#: From one ray to the next, of a whole turn (Vogel's spiral).
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+
+
+class Reference:
+    """Irradiance from given radiosity by rays alone, without boxes, expansions or lists.
+
+    Rays go over the hemisphere evenly by cosine, and to random points of the strong emitters. Both find the light of
+    these, and are weighted by the balance heuristic (Veach and Guibas, SIGGRAPH 1995): no sample exceeds the emission.
+
+    rays   traced so far
+    """
+
+    def __init__(self, scene: Scene, sums: Sums) -> None:
+        self._scene, self._particles = scene, sums.particles
+        self._occlusion = Occlusion(scene) if sums.occlusion is None else sums.occlusion.apart()
+        self._surface = sums.surface or self._occlusion.surface(sums.particles)
+        self._places = _Places.of(scene, sums.particles)
+        particles = sums.particles
+        of_patches = particles.triangle[:: particles.per_patch]
+        power = particles.areas * scene.emission[of_patches].mean(axis=1) * particles.emits[:: particles.per_patch]
+        self._emitters = np.flatnonzero(power)
+        power = power[self._emitters]
+        self._cumulative = np.cumsum(power / power.sum())
+        density = np.zeros(len(of_patches))
+        density[self._emitters] = power / power.sum() / particles.areas[self._emitters]
+        # (N + 1,) per area, with which a random end of a ray is on a particle's patch; the last one is for no particle.
+        self._density = np.append(particles.of_points(density), 0.0)
+
+    @property
+    def rays(self) -> int:
+        return self._occlusion.rays
+
+    def irradiance(self, points: Points, normals: Points, radiosity: Points, rays: int, seed: int) -> Points:
+        """(M, 3 k) W/m^2 at points with normals (M, 3) from the particles' radiosity, by so many rays of each kind for
+        each point. Another seed gives an independent estimate.
+
+        radiosity   (N, 3 k), the first three columns with the emission of the scene, others without any
+        """
+        found = np.empty((len(points), radiosity.shape[1]))
+
+        def block(rows: slice) -> int:
+            rng = np.random.default_rng([seed, rows.start])
+            of_rays = (np.repeat(values[rows], rays, axis=0) for values in (points, normals))
+            received, traced = self._received(*of_rays, *_evenly(normals[rows], rays, rng), radiosity, rng)
+            found[rows] = received.reshape(-1, rays, received.shape[1]).mean(axis=1)
+            return traced
+
+        self._occlusion.run_blocks(block, len(points), RAYS_PER_BLOCK // rays)
+        return found
+
+    def residual(self, radiosity: Points, samples: int, seed: int) -> Points:
+        """(N, 3) by how much emission + albedo * irradiance exceeds the radiosity (N, 3) on average over what each
+        particle stands for, by so many rays of each kind from random places there.
+        """
+        particles, scene = self._particles, self._scene
+        of_patches = np.empty((len(particles.patches), 3))
+
+        def block(rows: slice) -> int:
+            rng = np.random.default_rng([seed, rows.start])
+            triangles, points, normals = self._places.random(rows, samples, rng)
+            directions, at = _evenly(normals[::samples], samples, rng)
+            received, traced = self._received(points, normals, directions, at, radiosity, rng)
+            sent = scene.emission[triangles] + scene.albedo[triangles] * received
+            of_patches[rows] = sent.reshape(-1, samples, 3).mean(axis=1)
+            return traced
+
+        self._occlusion.run_blocks(block, len(of_patches), RAYS_PER_BLOCK // samples)
+        shares = particles.weights.reshape(-1, particles.per_patch)
+        shares = shares / shares.sum(axis=1, keepdims=True)
+        of_patches -= (shares[:, :, None] * radiosity.reshape(-1, particles.per_patch, 3)).sum(axis=1)
+        return np.repeat(of_patches, particles.per_patch, axis=0)
+
+    def _received(
+        self,
+        points: Points,
+        normals: Points,
+        directions: Points,
+        at: Points,
+        radiosity: Points,
+        rng: np.random.Generator,
+    ) -> tuple[Points, int]:
+        """One sample (K, 3 k) of what each point receives, and the number of rays traced.
+
+        directions (K, 3) even by cosine; at (K,) even in [0, 1), chooses among the emitters.
+        """
+        scene, particles = self._scene, self._particles
+        met = self._occlusion.met(points, normals, directions, self._surface)
+        received = np.where(met.particles[:, None] >= 0, radiosity[met.particles], 0.0)
+        if len(self._emitters) == 0:
+            return received, len(points)
+        lit = np.flatnonzero(self._density[met.particles] > 0)
+        share = self._share(points[lit], normals[lit], met.positions[lit], met.normals[lit], met.particles[lit])
+        received[lit, :3] -= (1 - share)[:, None] * scene.emission[particles.triangle[met.particles[lit]]]
+
+        patch = self._emitters[np.minimum(np.searchsorted(self._cumulative, at), len(self._emitters) - 1)]
+        ends, chosen = _random_points(particles.patches[patch], rng), patch * particles.per_patch
+        share = self._share(points, normals, ends, particles.normals[chosen], chosen)
+        asked = np.flatnonzero(share > 0)
+        seen = asked[self._occlusion.sees(points[asked], normals[asked], ends[asked], particles.normals[chosen[asked]])]
+        triangles = particles.triangle[chosen[seen]]
+        if scene.opacity is not None:
+            share[seen] *= scene.opacity.mean[triangles]
+        received[seen, :3] += share[seen, None] * scene.emission[triangles]
+        return received, len(points) + len(asked)
+
+    def _share(
+        self, points: Points, normals: Points, ends: Points, end_normals: Points, particles: NDArray[np.int64]
+    ) -> Points:
+        """(K,) how likely a ray even by cosine is to go to an end, as a share of that and of choosing it at random."""
+        between = ends - points
+        squared = np.maximum((between**2).sum(axis=1), np.finfo(float).tiny)
+        here = np.maximum((between * normals).sum(axis=1), 0.0)
+        there = np.maximum(-(between * end_normals).sum(axis=1), 0.0)
+        by_ray = here * there / (np.pi * squared)
+        return by_ray / (by_ray + self._density[particles] * squared)
+
+
+@dataclass(frozen=True)
+class _Places:
+    """The surface that each patch stands for.
+
+    triangles (P,) its own; patches (P, 3, 3), normals (P, 3); for groups of triangles their members in `members` (G,),
+    at the sides `backs` (G,), by areas that add up to `ends` (G,), from `starts` (P,) over `areas` (P,), 0 for others
+    """
+
+    triangles: NDArray[np.int64]
+    patches: Points
+    normals: Points
+    corners: Points
+    members: NDArray[np.int64]
+    ends: Points
+    starts: Points
+    areas: Points
+
+    @classmethod
+    def of(cls, scene: Scene, particles: Particles) -> "_Places":
+        uncut = np.flatnonzero(particles.edges[: len(scene.triangles)] < 0)
+        patch, member = particles.parts[uncut].astype(np.int64).T.ravel(), np.tile(uncut, 2)
+        there = patch != NO_PATCH
+        there[there] = ~particles.whole[patch[there]]
+        patch, member = patch[there], member[there]
+        order = np.argsort(patch, kind="stable")
+        patch, member = patch[order], member[order]
+        areas = np.bincount(patch, particles.solid[member], len(particles.patches))
+        return cls(
+            triangles=particles.triangle[:: particles.per_patch],
+            patches=particles.patches,
+            normals=particles.normals[:: particles.per_patch],
+            corners=scene.triangles,
+            members=member,
+            ends=np.cumsum(particles.solid[member]),
+            starts=np.cumsum(areas) - areas,
+            areas=areas,
+        )
+
+    def random(self, rows: slice, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Points, Points]:
+        """Triangle (K,), place and unit normal (K, 3) of so many random places for each patch of a slice."""
+        triangles, corners, normals, starts, areas = (
+            np.repeat(values[rows], count, axis=0)
+            for values in (self.triangles, self.patches, self.normals, self.starts, self.areas)
+        )
+        groups = np.flatnonzero(areas)
+        if len(groups):
+            at = starts[groups] + rng.random(len(groups)) * areas[groups]
+            member = self.members[np.minimum(np.searchsorted(self.ends, at), len(self.members) - 1)]
+            triangles[groups], corners[groups] = member, self.corners[member]
+            a, b, c = corners[groups].transpose(1, 0, 2)
+            flat = np.cross(b - a, c - a)
+            flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+            # Normals of one group lie within a right angle.
+            normals[groups] = flat * np.sign((flat * normals[groups]).sum(axis=1, keepdims=True))
+        return triangles, _random_points(corners, rng), normals
+
+
+def _random_points(triangles: Points, rng: np.random.Generator) -> Points:
+    """(K, 3) a random point of each triangle (K, 3, 3)."""
+    root, other = np.sqrt(rng.random(len(triangles)))[:, None], rng.random(len(triangles))[:, None]
+    a, b, c = triangles.transpose(1, 0, 2)
+    return (1 - root) * a + root * ((1 - other) * b + other * c)
+
+
+def _evenly(normals: Points, count: int, rng: np.random.Generator) -> tuple[Points, Points]:
+    """Directions (M * count, 3) about unit normals (M, 3), even by cosine along Vogel's spiral, and as many numbers
+    even in [0, 1), in random order.
+    """
+    shift, turn = rng.random((2, len(normals), 1))
+    k = np.arange(count)
+    u, angle = ((k + shift) / count)[..., None], 2 * np.pi * (GOLDEN * k + turn)[..., None]
+    axis = np.where(np.abs(normals[:, :1]) > 0.6, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
+    s = np.cross(normals, axis)
+    s = (s / np.linalg.norm(s, axis=1, keepdims=True))[:, None]
+    n = normals[:, None]
+    directions = np.sqrt(u) * (np.cos(angle) * s + np.sin(angle) * np.cross(n, s)) + np.sqrt(1 - u) * n
+    order = rng.permuted(np.tile(k, (len(normals), 1)), axis=1)
+    return directions.reshape(-1, 3), ((order + rng.random(order.shape)) / count).ravel()

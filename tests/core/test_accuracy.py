@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The measured error is neither flattering nor harsh, whichever part of a solve is wrong."""
+
+import fmm_core
+import numpy as np
+import pytest
+import shapes
+from fmm_core.accuracy import nearest_bound, propagated
+from fmm_core.lights import PointLight
+from fmm_core.reference import Reference
+from test_visibility import EMISSION, LAMP, TWO_BLOCKS
+
+SCENE = fmm_core.Scene(TWO_BLOCKS, 0.7, EMISSION)
+ANYWHERE = shapes.random_points(TWO_BLOCKS, 60)
+#: Not in the gaps under the blocks nor beside them: there patches of the direct method are too coarse to be a truth.
+ABOVE = ANYWHERE[0][:, 2] > 0.05
+POINTS = ANYWHERE[0][ABOVE], ANYWHERE[1][ABOVE]
+
+
+def solved(scene=SCENE, **options):
+    return fmm_core.solve(scene, fmm_core.Settings(**({"particles": 3000, "method": "fmm"} | options)))
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return solved(method="direct", particles=6000, probes=0).irradiance(*POINTS)
+
+
+def measured_and_true(exact, solution=None, **options):
+    solution = solution or solved(**options)
+    difference = solution.irradiance(*POINTS) - exact
+    return solution.report["error"], np.linalg.norm(difference) / np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("options", [{"truncation": 0}, {"rays": 20}, {"particles": 100}])
+def test_the_measured_error_is_the_true_one_whatever_causes_it(exact, options):
+    error, true = measured_and_true(exact, **options)
+    assert true > 0.01
+    assert true / 1.5 < error["measured_rms"] < 1.5 * true
+    assert error["low"] < error["measured_rms"] < error["high"] < 2 * error["low"]
+    assert error["measured_max"] > error["measured_rms"]
+
+
+def test_an_error_that_comes_with_the_radiosity_is_told_from_one_of_the_gather(exact):
+    solution = solved(method="direct")
+    solution._radiosity, solution.radiosity = 1.05 * solution._radiosity, 1.05 * solution.radiosity
+    bright, true = measured_and_true(exact, solution)
+    assert true == pytest.approx(0.05, rel=0.1)
+    assert bright["gathered"] < 0.2 * bright["measured_rms"]
+    assert bright["measured_rms"] == pytest.approx(true, rel=0.3)
+
+
+def test_noise_of_the_judge_does_not_count(exact):
+    error, _ = measured_and_true(exact, method="direct", particles=6000)
+    assert error["low"] < 0.004
+    assert 0 < error["high"] < 0.008
+
+
+def test_light_of_lamps_and_its_reflections_are_measured_too():
+    lamp = PointLight((0.5, 0.5, 0.9), 3.0, radius=0.05)
+    scene = fmm_core.Scene(TWO_BLOCKS, 0.7, 0.0, lights=[lamp])
+    exact = solved(scene, method="direct", particles=6000, probes=0).irradiance(*POINTS)
+    for options in ({"truncation": 0}, {"rays": 20}):
+        error, true = measured_and_true(exact, solved(scene, **options))
+        assert true / 1.5 < error["measured_rms"] < 1.5 * true
+
+
+def test_shadows_left_out_count_as_error():
+    room = fmm_core.Scene(np.concatenate([shapes.room(), LAMP]), 0.5, (np.arange(14) >= 12).astype(float))
+    points = shapes.random_points(room.triangles[:12], 40)
+    with_shadows = solved(room, method="direct", probes=0).irradiance(*points)
+    without = solved(room, visibility="none")
+    true = np.linalg.norm(without.irradiance(*points) - with_shadows) / np.linalg.norm(with_shadows)
+    assert true > 0.01
+    assert without.report["error"]["measured_rms"] == pytest.approx(true, rel=0.5)
+
+
+def test_rays_that_measure_are_counted_apart_and_can_be_left_out():
+    room = fmm_core.Scene(shapes.room(), 0.5, 1.0)
+    solution = solved(room)
+    solution.irradiance(*POINTS)
+    assert solution.report["counts"]["rays"] == 0
+    assert solution.report["error"]["rays"] > 0
+    silent = solved(room, probes=0)
+    silent.irradiance(*POINTS)
+    assert silent.report["error"]["rays"] == 0
+    assert silent.report["error"]["measured_rms"] is None
+
+
+@pytest.mark.parametrize(("particles", "quadrature"), [(300, 1), (300, 2)])
+def test_residuals_of_a_furnace_are_what_is_missing_everywhere(particles, quadrature):
+    room = fmm_core.Scene(shapes.room(), 0.5, 1.0)
+    solution = solved(room, method="direct", particles=particles, quadrature=quadrature, probes=0)
+    reference = Reference(solution.scene, solution._space.sums)
+    for radiosity, missing in ((2.0, 0.0), (1.0, 0.5)):
+        residual = reference.residual(np.full_like(solution.radiosity, radiosity), 4, 0)
+        assert residual == pytest.approx(np.full_like(residual, missing))
+    whole = propagated(solution._exchange, np.full((len(residual), 3), 0.5), residual)
+    assert whole == pytest.approx(np.ones_like(whole), abs=5e-3)
+
+
+def test_places_of_a_group_are_on_all_of_its_triangles():
+    x, y = np.meshgrid(np.arange(32) / 32, np.arange(32) / 32)
+    corners = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 1, 3)
+    cells = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]]) / 32
+    sheet = (corners[:, None] + cells).reshape(-1, 3, 3)
+    lamp = shapes.quad([0, 0, 1], [0, 1, 1], [1, 1, 1], [1, 0, 1])
+    scene = fmm_core.Scene(np.concatenate([sheet, lamp]), 0.5, np.append(np.zeros(len(sheet)), [1.0, 1.0]), True)
+    solution = solved(scene, particles=100, quadrature=1, probes=0)
+    assert not solution.particles.whole.all()
+    places = Reference(solution.scene, solution._space.sums)._places
+    assert solution.report["counts"]["particles"] < len(sheet) / 2
+    triangles, points, normals = places.random(slice(0, len(solution.particles.patches)), 50, np.random.default_rng(0))
+    assert (np.bincount(triangles, minlength=len(sheet))[: len(sheet)] > 0).mean() > 0.99
+    middles = scene.triangles[triangles].mean(axis=1)
+    assert (np.abs(points - middles)[triangles < len(sheet)] < 1 / 32).all()
+    owners = np.repeat(np.arange(len(solution.particles.patches)), 50)
+    assert (normals == solution.particles.normals[owners]).all()
+
+
+def test_the_papers_bound_is_far_above_what_is_measured(exact):
+    error, _ = measured_and_true(exact, truncation=4)
+    assert error["bound"] == nearest_bound(4, 1) > error["measured_max"]
