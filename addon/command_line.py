@@ -102,6 +102,11 @@ def _parser() -> _Parser:
     add("--target-error", type=float, help="relative error that is good enough, as 0.01")
     add("--particles", type=int, help="about how many points gather the light (default: chosen from the scene)")
     add("--rays", type=int, help="about how many shadow rays a colour, less grain for more (default: as in the scene)")
+    add(
+        "--probes",
+        type=int,
+        help="random points to measure the error at, 0 for none (default: 300, or as in the scene)",
+    )
     add("--keep-visibility", action="store_true", help=f"save what sees what in a {bake.KEPT_SUFFIX} beside the scene: "
         "faster bakes with other lights and colours")  # fmt: skip
     add("--colours", choices=("fit", "points"), help="fit: colours that match the light on the faces best; points: the "
@@ -119,7 +124,7 @@ def _file(name: str) -> Path:
 
 def _chosen(options: argparse.Namespace) -> dict[str, object]:
     """The settings that were given; the others come from the scene."""
-    names = ("truncation", "grouping", "method", "target_error", "particles", "rays")
+    names = ("truncation", "grouping", "method", "target_error", "particles", "rays", "probes")
     return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
 
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 #: Rays traced for each ray of the settings: the second half finds penumbrae and small things.
 _RAYS_PER_RAY = 2.0
-#: Rays that measure one probe.
-_PROBE_RAYS = 4096
+#: What measuring the error takes, as a share of the rest.
+_MEASURING = 0.25
 #: The number of particles that the core chooses where it is left open, least and most, and from when it is not direct.
 _PARTICLES, _FEW = (1200, 20_000), 5000
 #: A particle is given this part of the rays of a colour.
@@ -61,7 +61,7 @@ def predict(vertices: int, settings: fmm_core.Settings, fitted: bool, pace: floa
         rays = particles * (_SAMPLES * vertices if fitted else vertices) / 2 + particles**2 / 4
     else:
         rays = _RAYS_PER_RAY * settings.rays * (vertices * (_FIT_RAYS if fitted else 1) + _PARTICLE_SHARE * particles)
-        rays += settings.probes * _PROBE_RAYS
+    pace *= 1 + _MEASURING if settings.probes else 1
     seconds = pace * (_LEAST_SECONDS + rays / (_RATE * (os.cpu_count() or 1)))
     return Cost(vertices, round(rays), seconds, round(_LEAST_MIB + _KIB * vertices / 1024))
 

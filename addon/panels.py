@@ -64,7 +64,7 @@ class _Quality:
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what decides over error and time."""
-        _draw_settings(self.layout, context, "truncation", "grouping", "rays", "particles", "target_error")
+        _draw_settings(self.layout, context, "truncation", "grouping", "rays", "particles", "target_error", "measure")
 
 
 class _Output:

@@ -99,7 +99,9 @@ def measure(
     part = of_radiosity[picked].mean(axis=1) + rng.normal(0.0, noise, RESAMPLES)
     # The part that is noise if anything: it counts as far as it stands out.
     certain = max(0.0, 1.0 - 2.0 * part.var() / max(of_radiosity.mean() ** 2, np.finfo(float).tiny))
-    low, high = np.quantile(of_gather[picked].mean(axis=1) + part, (0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2))
+    # And it makes nothing better: less than no error is noise.
+    resampled = of_gather[picked].mean(axis=1) + np.maximum(part, 0.0)
+    low, high = np.quantile(resampled, (0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2))
     squared = of_gather.mean() + certain * of_radiosity.mean()
     multipole = isinstance(solved.space, MultipoleSpace)
     return {
