@@ -185,10 +185,11 @@ def test_expected_cost_follows_the_counted_rays_and_the_last_bake(build, fmm, se
     build.object("Ground", grid, faces, build.material("Grey"))
     build.quad("Lamp", build.light(), z=0.7, down=True)
     build.cube("Box", build.material("Red"), size=0.2).location = (0.5, 0.5, 0.3)
+    build.cube("Room", build.material("Wall"), size=1.2, inward=True).location = (0.5, 0.5, 0.5)
     settings.particles = 0
     scene, layer = bpy.context.scene, bpy.context.view_layer
     expected = fmm.estimate.of_scene(scene, layer)
-    assert expected.colours == row * row + 4 + 8
+    assert expected.colours == row * row + 4 + 8 + 8
     bake()
     report = fmm.session.session.report
     assert 0.4 < expected.rays / report["counts"]["rays"] < 2.5
