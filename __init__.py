@@ -3,14 +3,24 @@
 
 
 def register() -> None:
-    """Switch the extension on."""
-    from .addon import registration
+    """Switch the extension on, or say why it cannot run."""
+    from .addon import missing
 
-    registration.register()
+    if missing.reason() is None:
+        from .addon import registration
+
+        registration.register()
+    else:
+        missing.register()
 
 
 def unregister() -> None:
     """Switch the extension off."""
-    from .addon import registration
+    from .addon import missing
 
-    registration.unregister()
+    if missing.is_registered():
+        missing.unregister()
+    else:
+        from .addon import registration
+
+        registration.unregister()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +15,8 @@ from typing import TYPE_CHECKING
 import fmm_core
 import numpy as np
 
-from . import attributes, export
+from . import attributes, estimate, export, memory
+from .memory import Progress
 
 if TYPE_CHECKING:
     import bpy
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 #: What ends a bake with one line for the user; anything else is a mistake of the program.
 FAILURES = (fmm_core.Error, MemoryError)
-#: Called with a fraction from 0 to 1 and a text; returning False cancels.
-Progress = Callable[[float, str], bool | None]
 #: Of the file beside the .blend that keeps what rays found.
 KEPT_SUFFIX = ".fmm-visibility"
 
@@ -35,13 +33,14 @@ KEPT_SUFFIX = ".fmm-visibility"
 class Input:
     """What a solve needs: the arrays of the scene, and the seconds it took to read them.
 
-    output: what is to be written; kept: the file that keeps visibility, or None; warnings: what could not be done as
-    asked, one line each
+    output: what is to be written; memory_limit: MiB that it may take, 0 for no limit; kept: the file that keeps
+    visibility, or None; warnings: what could not be done as asked, one line each
     """
 
     arrays: export.SceneArrays
     seconds: float
     output: attributes.Output
+    memory_limit: int = 0
     kept: Path | None = None
     warnings: tuple[str, ...] = ()
 
@@ -82,17 +81,20 @@ def read(context: bpy.types.Context, keep: bool = False, colours: str | None = N
     keep: what rays find is kept in a file beside the .blend, and taken from there if it is of the same geometry.
     colours: as in `Output`, or None for what the scene says.
     """
-    from . import properties
+    from . import preferences, properties
 
     start, output = time.perf_counter(), properties.output_of(context.scene, colours)
     arrays = export.read(context, context.scene.fmm_radiosity.scope)
     attributes.check(arrays.receivers, output)
     blend, kept, warnings = context.blend_data.filepath, None, ()
     if keep and blend:
-        kept = Path(blend).with_suffix(KEPT_SUFFIX)
+        kept = preferences.kept_file(Path(blend), KEPT_SUFFIX)
     elif keep:
         warnings = ("visibility is not kept: save the .blend first, the file goes beside it",)
-    return Input(arrays, time.perf_counter() - start, output, kept, warnings)
+    limit, settings = preferences.memory_limit(), properties.settings_of(context.scene)
+    vertices, fitted = len(np.unique(arrays.corner_vertex)), output.colours == "FIT"
+    memory.check(estimate.predict(vertices, settings, fitted).memory_mib, limit)
+    return Input(arrays, time.perf_counter() - start, output, limit, kept, warnings)
 
 
 def compute(
@@ -108,6 +110,7 @@ def compute(
     where it does not, else fmm_core.Error is raised.
     """
     arrays, warnings = data.arrays, list(data.warnings)
+    progress = memory.limited(progress, data.memory_limit)
     scene = fmm_core.Scene(
         arrays.triangles,
         arrays.albedo,

@@ -195,7 +195,7 @@ def _draw_after(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if session.problem is not None:
         layout.label(text=session.problem, icon="INFO", translate=False)
     shown = isinstance(context.space_data, bpy.types.SpaceView3D) and shading.shows(context.space_data)
-    text = "Back to Before" if shown else "Show Result"
+    text = "Hide Result" if shown else "Show Result"
     layout.operator("fmm_radiosity.show", text=text, icon="HIDE_OFF", depress=shown)
 
 

@@ -70,8 +70,8 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
     )
     keep_visibility: bpy.props.BoolProperty(
         name="Keep Visibility",
-        description="Save what sees what in a file, so that the next bake is faster, also after Blender was closed, as "
-        "long as only lights and colours have changed",
+        description="Save what sees what in a file beside the .blend, so that the next bake is faster, also after "
+        "Blender was closed, as long as only lights and colours have changed",
         default=False,
     )
     scope: bpy.props.EnumProperty(

@@ -15,11 +15,12 @@ from ..operators.relight import FMM_RADIOSITY_OT_relight
 from ..operators.show import FMM_RADIOSITY_OT_show
 from ..operators.show_report import FMM_RADIOSITY_OT_show_report
 from ..operators.subdivide import FMM_RADIOSITY_OT_subdivide
-from . import command_line, live, panels, properties
+from . import command_line, live, panels, preferences, properties, translations
 from .session import session
 
 _CLASSES = (
     properties.FMM_RADIOSITY_settings,
+    preferences.FMM_RADIOSITY_preferences,
     FMM_RADIOSITY_OT_bake,
     FMM_RADIOSITY_OT_relight,
     FMM_RADIOSITY_OT_show,
@@ -47,6 +48,8 @@ def register() -> None:
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     properties.register()
+    preferences.apply()
+    bpy.app.translations.register(preferences.PACKAGE, translations.DICTIONARY)
     live.register()
     bpy.utils.register_preset_path(_FOLDER)
     bpy.app.handlers.load_pre.append(_forget)
@@ -61,6 +64,7 @@ def unregister() -> None:
     bpy.utils.unregister_preset_path(_FOLDER)
     live.unregister()
     session.close()
+    bpy.app.translations.unregister(preferences.PACKAGE)
     properties.unregister()
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)

@@ -18,8 +18,8 @@ PHASES = {
 
 
 def percent(share: float) -> str:
-    """A share as percent with two digits."""
-    return f"{100 * share:.2g} %"
+    """A share as percent with two digits, or all that there are before the point."""
+    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:,.0f} %"
 
 
 def measured(error: dict) -> str:

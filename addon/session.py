@@ -45,7 +45,8 @@ class Session:
     running: the bake under way or None; report: that of the last finished bake or None; solution: what it solved, which
     serves the next bake where only lights and colours have changed, or None; pace: how much longer bakes take on this
     machine than `estimate` has it; views: how 3D views were shaded before they showed the result; problem: why the
-    colours do not follow the lights at the moment, or None
+    colours do not follow the lights at the moment, or None; threads_late: whether the wanted number of threads came too
+    late for this process
     """
 
     running: Running | None = None
@@ -54,6 +55,7 @@ class Session:
     pace: float = 1.0
     views: dict[int, dict[str, object]] = field(default_factory=dict)
     problem: str | None = None
+    threads_late: bool = False
     _pool: ThreadPoolExecutor | None = None
 
     def submit(self, work: Callable, *arguments: object) -> Future:

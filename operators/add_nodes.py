@@ -11,8 +11,7 @@ from ..addon import nodes
 
 
 class FMM_RADIOSITY_OT_add_nodes(bpy.types.Operator):
-    """Add a node to the materials of the selected objects: base colour times baked light, as a colour and as a shader.
-    It is not connected to the output, because the next bake reads what is"""
+    """Add a node to the selected materials: base colour times baked light, to be connected after the last bake"""
 
     bl_idname = "fmm_radiosity.add_nodes"
     bl_label = "Add Light Node"

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Vector
 
 ROOT = Path(__file__).resolve().parent.parent
 MODULE = "bl_ext.user_default.fmm_radiosity"
@@ -33,7 +34,7 @@ class Stalls:
 
     def __init__(self) -> None:
         self.longest, self._last = 0.0, time.perf_counter()
-        bpy.app.timers.register(self._turn)
+        bpy.app.timers.register(self._turn, persistent=True)
 
     def _turn(self) -> float:
         now = time.perf_counter()
@@ -177,19 +178,14 @@ def bake_cornell_box(stalls: Stalls) -> Steps:
 
     assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
     yield from until_half_way()
-    pressed = time.perf_counter()
-    press("ESC")
-    while session().running is not None:
-        yield LOOK
-    took = time.perf_counter() - pressed
-    say(f"Escape to the end of the bake: {took:.2f} s")
-    assert took < 0.5
+    yield from escape()
     assert same(all_colours(), before)
     assert session().report is None
 
     yield 1.0
     stalls.take()
     assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
+    yield LOOK
     say(f"longest stall while the scene is read: {1000 * stalls.take():.0f} ms")
     yield from until_half_way(0.85)
     say(f"longest stall while it is solved: {1000 * stalls.take():.0f} ms")
@@ -197,8 +193,9 @@ def bake_cornell_box(stalls: Stalls) -> Steps:
     yield from until_done()
     baked = all_colours()
     assert all(values is not None and np.isfinite(values).all() and values.max() > 0.01 for values in baked.values())
-    error = session().report["error"]["measured_rms"]
-    say(f"measured error {error}")
+    say(f"measured error {session().report['error']['measured_rms']:.4f}")
+    yield 1.0
+    show()
     yield 1.0
     shoot("after")
 
@@ -210,11 +207,230 @@ def bake_cornell_box(stalls: Stalls) -> Steps:
     assert same(all_colours(), baked), "one redo brings it back"
 
 
+def show() -> None:
+    """Show the baked colours, by the button."""
+    space = area("VIEW_3D").spaces.active
+    if (space.shading.light, space.shading.color_type) != ("FLAT", "VERTEX"):
+        assert operate("fmm_radiosity.show", invoke=False) == {"FINISHED"}
+    assert (space.shading.light, space.shading.color_type) == ("FLAT", "VERTEX")
+
+
+def escape() -> Steps:
+    """Press Escape, and wait for the end of the bake."""
+    pressed = time.perf_counter()
+    press("ESC")
+    while session().running is not None:
+        yield LOOK
+    took = time.perf_counter() - pressed
+    say(f"Escape to the end of the bake: {took:.2f} s")
+    assert took < 0.5
+
+
+def change_lights() -> Steps:
+    """Relight by the button, then live."""
+    lamp = bpy.data.materials["Light"].node_tree.nodes["Shader"].inputs["Strength"]
+    before, strength = colours("Room").copy(), lamp.default_value
+    lamp.default_value = 2 * strength
+    yield 0.5
+    assert operate("fmm_radiosity.relight") == {"RUNNING_MODAL"}
+    yield from until_done()
+    assert session().report["counts"]["rays"] == 0
+    assert np.allclose(colours("Room"), 2 * before, rtol=1e-3)
+
+    bpy.context.window_manager.fmm_radiosity_live = True
+    yield 0.5
+    lamp.default_value = strength
+    changed = time.perf_counter()
+    while not np.allclose(colours("Room"), before, rtol=1e-3):
+        assert time.perf_counter() - changed < 10, session().problem
+        yield LOOK
+    say(f"live: from a change of the lamp to other colours {time.perf_counter() - changed:.2f} s")
+    bpy.context.window_manager.fmm_radiosity_live = False
+
+
+def select(name: str) -> bpy.types.Object:
+    """Select one object only."""
+    for obj in bpy.context.view_layer.objects:
+        obj.select_set(obj.name == name)
+    bpy.context.view_layer.objects.active = bpy.data.objects[name]
+    return bpy.data.objects[name]
+
+
+def subdivide_and_refine() -> Steps:
+    """Subdivide, undo it, refine where the light changes, bake again."""
+    block = select("Short block")
+    yield 0.5
+    count = len(block.data.vertices)
+    assert operate("fmm_radiosity.subdivide", invoke=False, edge_length=0.04) == {"FINISHED"}
+    assert len(bpy.data.meshes[block.data.name].vertices) > 2 * count
+    yield 0.5
+    press("Z", ctrl=True)
+    yield 1.0
+    block = select("Short block")
+    yield 0.5
+    assert len(block.data.vertices) == count, "one undo takes the subdivision back"
+    assert operate("fmm_radiosity.refine", invoke=False, contrast=0.02, edge_length=0.01) == {"FINISHED"}
+    assert len(block.data.vertices) > count
+    yield 0.5
+    bpy.context.scene.fmm_radiosity.rays = 200
+    assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
+    yield from until_done()
+    assert len(colours(block.data.name)) > 4 * count
+
+
+def save_and_reopen() -> Steps:
+    """Save, open, and find the same."""
+    path, kept = OUT / "baked.blend", all_colours()
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    yield from open_scene(path)
+    assert same(all_colours(), kept)
+    assert bpy.context.scene.fmm_radiosity.rays == 200
+    assert session().report is None
+
+
+def many_vertices(stalls: Stalls) -> Steps:
+    """A hall of pillars with some 100,000 vertices."""
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True, load_ui=False)
+    yield 1.0
+    build_hall()
+    yield 1.0
+    set_up_view()
+    yield 1.0
+    select_tab()
+    for obj in bpy.context.view_layer.objects:
+        obj.select_set(obj.type == "MESH" and obj.name != "Lamp")
+    yield 0.5
+    assert operate("fmm_radiosity.subdivide", invoke=False, edge_length=0.11) == {"FINISHED"}
+    vertices = sum(len(mesh.vertices) for mesh in bpy.data.meshes)
+    say(f"hall: {vertices} vertices")
+    assert 80_000 < vertices < 160_000
+    for obj in bpy.context.view_layer.objects:
+        obj.select_set(False)
+    yield 1.0
+    assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
+    yield 0.1
+    say(f"hall: longest stall while the scene is read: {1000 * stalls.take():.0f} ms")
+    yield from until_half_way(0.3)
+    yield from escape()
+    stalls.take()
+    assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
+    yield 0.1
+    stalls.take()
+    yield from until_half_way(0.95)
+    say(f"hall: longest stall while it is solved: {1000 * stalls.take():.0f} ms")
+    yield from until_done()
+    say(f"hall: measured error {session().report['error']['measured_rms']:.4f}")
+    show()
+    yield 2.0
+    shoot("hall")
+    strength = bpy.data.materials["Lamp"].node_tree.nodes["Emission"].inputs["Strength"]
+    strength.default_value *= 0.5
+    yield 0.5
+    began = time.perf_counter()
+    assert operate("fmm_radiosity.relight") == {"RUNNING_MODAL"}
+    yield from until_done()
+    say(f"hall: relit in {time.perf_counter() - began:.2f} s")
+
+
+def build_hall() -> None:
+    """Two rows of pillars with arches of light between them, under a ceiling with lamps."""
+    materials = {
+        name: material(name, colour)
+        for name, colour in {"Floor": (0.5, 0.42, 0.35), "Wall": (0.75, 0.72, 0.66), "Cloth": (0.6, 0.08, 0.06)}.items()
+    }
+    bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 6, 2), scale=(8, 16, 4))
+    room = bpy.context.object
+    room.data.flip_normals()
+    room.data.materials.append(materials["Wall"])
+    room.data.materials.append(materials["Floor"])
+    for face in room.data.polygons:
+        face.material_index = int(face.normal.z > 0.9)
+    for row in range(5):
+        for x in (-2.2, 2.2):
+            bpy.ops.mesh.primitive_cylinder_add(vertices=24, radius=0.35, depth=3.9, location=(x, 3 * row, 1.97))
+            for face in bpy.context.object.data.polygons:
+                face.use_smooth = abs(face.normal.z) < 0.5
+            bpy.context.object.data.materials.append(materials["Wall"])
+    bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 6, 0.02), scale=(1.6, 14, 0.03))
+    bpy.context.object.data.materials.append(materials["Cloth"])
+    for row in range(4):
+        bpy.ops.mesh.primitive_plane_add(size=1, location=(0, 1.5 + 3 * row, 3.95), scale=(1.2, 1.2, 1))
+        bpy.context.object.name = "Lamp"
+        bpy.context.object.rotation_euler.x = np.pi
+        bpy.context.object.data.materials.append(material("Lamp", (1.0, 0.85, 0.6), 6.0))
+    data = bpy.data.cameras.new("Camera")
+    camera = bpy.data.objects.new("Camera", data)
+    data.lens = 22
+    camera.location = (0.9, -1.6, 1.6)
+    camera.rotation_euler = (Vector((-0.4, 6, 1.5)) - camera.location).to_track_quat("-Z", "Y").to_euler()
+    bpy.context.scene.collection.objects.link(camera)
+    bpy.context.scene.camera = camera
+
+
+def material(name: str, colour: tuple[float, float, float], strength: float | None = None) -> bpy.types.Material:
+    """A matt material, or one that gives off light."""
+    found = bpy.data.materials.get(name)
+    if found is not None:
+        return found
+    made = bpy.data.materials.new(name)
+    if made.node_tree is None:
+        made.use_nodes = True
+    nodes = made.node_tree.nodes
+    nodes.clear()
+    shader = nodes.new("ShaderNodeBsdfDiffuse" if strength is None else "ShaderNodeEmission")
+    shader.inputs["Color"].default_value = (*colour, 1.0)
+    if strength is not None:
+        shader.inputs["Strength"].default_value = strength
+    made.node_tree.links.new(shader.outputs[0], nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
+    return made
+
+
+def first_bake() -> Steps:
+    """The scene that Blender starts with, untouched: it is baked, or a sentence says what is missing."""
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.wm.read_homefile(use_factory_startup=True, load_ui=False)
+    yield 1.0
+    set_up_view()
+    yield 1.0
+    select_tab()
+    try:
+        operate("fmm_radiosity.bake")
+        yield from until_done()
+        assert session().report is not None
+        show()
+    except RuntimeError as error:
+        say(f"the first scene: {error}")
+    yield 1.0
+    shoot("first")
+
+
+def speak_german() -> Steps:
+    """Panels and messages in German."""
+    view = bpy.context.preferences.view
+    view.language = "de_DE"
+    view.use_translate_interface = view.use_translate_tooltips = True
+    texts = sys.modules[f"{MODULE}.addon.translations"].GERMAN
+    translations = bpy.app.translations
+    wrong = [text for text, german in texts.items() if translations.pgettext_tip(text) == text != german]
+    assert not wrong, wrong
+    yield 1.0
+    shoot("german")
+    view.language = "en_US"
+
+
 def day(stalls: Stalls) -> Steps:
     """All steps."""
     yield 1.0
     yield from install()
     yield from bake_cornell_box(stalls)
+    yield from change_lights()
+    yield from subdivide_and_refine()
+    yield from save_and_reopen()
+    yield from many_vertices(stalls)
+    yield from first_bake()
+    yield from speak_german()
 
 
 def drive() -> None:

@@ -7,6 +7,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from conftest import Blender
 
 INSIDE = Path(__file__).parent / "inside"
 MODULE = "bl_ext.user_default.fmm_radiosity"
@@ -32,18 +33,75 @@ def test_wheel_holds_the_compiled_core(archive, tmp_path):
     assert any(name.startswith("fmm_core/_binding") and name.endswith((".so", ".pyd")) for name in names)
 
 
-def test_can_be_switched_off_and_on_again(blender):
+def test_switched_on_and_off_twenty_times_leaves_nothing_behind(blender):
     shown = blender.code(f"""
-import bpy, addon_utils
-def there(): return hasattr(bpy.types.Scene, "fmm_radiosity"), "bake" in dir(bpy.ops.fmm_radiosity)
-for _ in range(2):
+import bpy
+import addon_utils, sys, threading
+def left():
+    handlers = sum(len(found) for name in dir(bpy.app.handlers)
+                   if isinstance(found := getattr(bpy.app.handlers, name), list))
+    timer = bpy.app.timers.is_registered(sys.modules["{MODULE}.addon.live"]._turn)
+    # Blender keeps the types of operators and property groups by name.
+    types = sorted(name for name in dir(bpy.types) if "fmm_radiosity" in name.lower())
+    where = bpy.types.Scene, bpy.types.WindowManager, bpy.ops
+    names = [name for holder in where for name in dir(holder) if "fmm_radiosity" in name]
+    presets = bpy.utils.preset_paths("fmm_radiosity")
+    return handlers, types, names, presets, threading.active_count(), timer
+def used():
+    bpy.context.window_manager.fmm_radiosity_live = True
+    sys.modules["{MODULE}.addon.session"].session.submit(len, "")
+addon_utils.enable("{MODULE}")
+addon_utils.disable("{MODULE}")
+before = left()
+for turn in range(20):
     addon_utils.enable("{MODULE}")
-    print(there())
+    assert "bake" in dir(bpy.ops.fmm_radiosity)
+    assert len(bpy.utils.preset_paths("fmm_radiosity")) == 1
+    used()
     addon_utils.disable("{MODULE}")
-    print(there())
+    assert left() == before, (left(), before)
+print(before[1:4])
+addon_utils.enable("{MODULE}")
 print(addon_utils._extensions_warnings_get())
 """)
-    assert shown.split("\n")[-6:-1] == ["(True, True)", "(False, False)"] * 2 + ["{}"]
+    assert shown.splitlines()[-2:] == ["([], [], [])", "{}"]
+
+
+def test_copy_for_another_system_says_so(archive, tmp_path, root):
+    """Without its wheels the extension shows a panel with the reason, and no traceback."""
+    sources = tmp_path / "sources"
+    with zipfile.ZipFile(archive) as opened:
+        opened.extractall(sources)
+    manifest = sources / "blender_manifest.toml"
+    text = manifest.read_text(encoding="utf-8")
+    manifest.write_text(re.sub(r"^(wheels|platforms) = .*\n", "", text, flags=re.MULTILINE), encoding="utf-8")
+    without = tmp_path / "without.zip"
+    with zipfile.ZipFile(without, "w") as packed:
+        for path in sources.rglob("*"):
+            if "wheels" not in path.parts:
+                packed.write(path, path.relative_to(sources))
+    done = Blender(tmp_path / "user").run(
+        "-c",
+        f"""
+import bpy
+class Hidden:
+    # This repository's own environment has the core.
+    def find_spec(self, name, path=None, target=None):
+        if name == "fmm_core":
+            raise ImportError("No module named 'fmm_core'")
+import sys
+sys.meta_path.insert(0, Hidden())
+bpy.ops.extensions.package_install_files(filepath={str(without)!r}, repo="user_default", enable_on_install=True)
+print([name for name in dir(bpy.types) if name.startswith("FMM_RADIOSITY_PT")])
+bpy.ops.preferences.addon_disable(module="{MODULE}")
+print([name for name in dir(bpy.types) if name.startswith("FMM_RADIOSITY_PT")])
+""",
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+    assert "native part is missing" in done.stderr
+    assert "['FMM_RADIOSITY_PT_missing']\n" in done.stdout
+    assert done.stdout.splitlines()[-1] == "[]"
 
 
 def test_names_of_the_extension(root):

@@ -352,3 +352,9 @@ fn shared(expansion: &str, truncation: usize, separation: u8) -> Arc<dyn Expansi
 pub fn error_bound(truncation: usize, strength: f64, source_radius: f64, receiver_distance: f64) -> f64 {
     ::fmm::expansion::error_bound(truncation, strength, source_radius, receiver_distance)
 }
+
+/// Uses at most so many threads; false where it comes too late.
+#[pyfunction]
+pub fn limit_threads(count: usize) -> bool {
+    ::fmm::threads::limit(count)
+}

@@ -31,6 +31,7 @@ mod passes;
 pub mod rays;
 pub mod shaft;
 pub mod surface;
+pub mod threads;
 mod translations;
 mod vector;
 pub mod visibility;

@@ -12,6 +12,7 @@ from .settings import Settings
 from .sky import Sky
 from .solution import Solution
 from .solver import solve
+from .threads import limit_threads
 
 __all__ = [
     "MAX_ALBEDO",
@@ -31,6 +32,7 @@ __all__ = [
     "SpotLight",
     "SunLight",
     "VertexFit",
+    "limit_threads",
     "output_points",
     "solve",
 ]

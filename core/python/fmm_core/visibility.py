@@ -17,6 +17,7 @@ from .opacity import SeeThrough
 from .particles import Particles
 from .progress import Tick, silent
 from .scene import Scene
+from .threads import threads
 
 # Blender on Linux carries an Embree of its own, to which embreex must not bind.
 _flags = sys.getdlopenflags() if hasattr(os, "RTLD_DEEPBIND") else None
@@ -299,10 +300,10 @@ def _on_grid(shares: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _run_blocks(work: Callable[[slice], int], count: int, size: int, tick: Tick) -> int:
-    """Runs `work` on slices of `size` rows in as many threads as there are cores; sums what it returns."""
+    """Runs `work` on slices of `size` rows in several threads; sums what it returns."""
     slices = [slice(start, min(start + size, count)) for start in range(0, count, size)]
     total = 0
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(threads()) as pool:
         futures = [pool.submit(work, rows) for rows in slices]
         try:
             for done, future in enumerate(futures, 1):

@@ -17,9 +17,9 @@ def fmm():
     """Modules of the installed extension, by name."""
     import addon_utils
 
-    assert addon_utils.enable(MODULE) is not None
+    assert addon_utils.enable(MODULE, default_set=True) is not None
     names = ("export", "bake", "attributes", "materials", "properties", "command_line", "session", "report",
-             "estimate", "live", "subdivision")  # fmt: skip
+             "estimate", "live", "subdivision", "memory")  # fmt: skip
     return SimpleNamespace(**{name: importlib.import_module(f"{MODULE}.addon.{name}") for name in names})
 
 
