@@ -12,6 +12,8 @@ use rstar::{AABB, RTree};
 const ROUNDING: [f64; 2] = [1e-6, 1e-5];
 /// Normals whose cross product is shorter lie in one plane, which cuts nothing.
 const PARALLEL: f64 = 1e-3;
+/// Lines whose lengths and places differ by less than this share of the triangle are alike.
+const PLACE: f64 = 1e-6;
 /// A triangle with more lines on it lies in a thicket, whose light is even: it is left whole.
 const MOST_LINES: usize = 1000;
 
@@ -47,11 +49,12 @@ pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
             triangles[i].into_iter().reduce(high)?.map(|x| x + slack),
         );
         let others = tree.locate_in_envelope_intersecting(&envelope).map(|other| other.data as usize);
-        let lines: Vec<[Point; 2]> = others
+        let mut lines: Vec<[Point; 2]> = others
             .filter(|&other| meshes[other] != meshes[i])
             .filter_map(|other| plane.line(&triangles[other], slack))
             .filter(|&line| clip(line, &plane.corners, -slack).is_some())
             .collect();
+        lines.sort_by_cached_key(|&line| plane.place(line));
         (!lines.is_empty())
             .then(|| if lines.len() > MOST_LINES { Cuts::default() } else { Cuts::along(&lines, &plane, slack) })
     };
@@ -108,6 +111,14 @@ impl Plane {
     fn longest(&self) -> f64 {
         let [a, b, c] = self.corners;
         distance(a, b).max(distance(b, c)).max(distance(c, a))
+    }
+
+    /// What lines are cut along in the order of, the longest first: it depends neither on the order of the triangles nor on
+    /// their place.
+    fn place(&self, [p, q]: [Point; 2]) -> [i64; 3] {
+        let steps = |length: f64| (length / self.longest() / PLACE).round() as i64;
+        let middle = between(p, q, 0.5);
+        [-steps(distance(p, q)), steps(distance(middle, self.corners[0])), steps(distance(middle, self.corners[1]))]
     }
 
     /// Where another triangle meets this plane, if that is a line.
