@@ -18,6 +18,8 @@ Colours = NDArray[np.float64]
 STEPS = 3
 #: Vectors that are kept before the residual is taken anew.
 LARGEST_BASIS = 30
+#: A basis that leaves more than this share of the residual has come to a stand.
+STALLED = 0.5
 #: Particles darker than this share of the mean count as this bright.
 DARK = 1e-3
 
@@ -57,18 +59,23 @@ def gmres(
             return np.maximum(radiosity + unshot, 0.0)
         radiosity, residual = radiosity + unshot, unshot
     residual = reflect(unshot) if count < settings.max_iterations else unshot
+    stalled = False
     while (remaining := _remaining(_largest(residual, radiosity), ratio)) > settings.tolerance:
         if count + 2 > settings.max_iterations:
             report.warnings.append(
                 f"iteration stopped after {count} steps with {remaining:.2g} of the light still to come"
             )
             break
-        scale = _brightness(radiosity)
+        scale, before = _brightness(radiosity), _largest(residual, radiosity)
+        if stalled:
+            # By area the exchange is symmetric, and each step gets closer (reciprocity); by brightness it may not.
+            scale = scale.mean() * np.sqrt(particles.weights.mean() / particles.weights)[:, None] * np.ones_like(scale)
         columns = min(LARGEST_BASIS, settings.max_iterations - count - 1)
         wanted = 0.2 * settings.tolerance * (1 - min(ratio, 0.9999))
         step = _solved(lambda y, scale=scale: y - reflect(scale * y) / scale, residual / scale, wanted, columns, report)
         radiosity = radiosity + scale * step
         residual = own + reflect(radiosity) - radiosity
+        stalled = not stalled and _largest(residual, radiosity) > STALLED * before
     return np.maximum(radiosity, 0.0)
 
 
