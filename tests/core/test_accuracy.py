@@ -69,7 +69,7 @@ def test_shadows_left_out_count_as_error():
     room = fmm_core.Scene(np.concatenate([shapes.room(), LAMP]), 0.5, (np.arange(14) >= 12).astype(float))
     points = shapes.random_points(room.triangles[:12], 40)
     with_shadows = solved(room, method="direct", probes=0).irradiance(*points)
-    without = solved(room, visibility="none")
+    without = solved(room, effects={"occlusion": False})
     true = np.linalg.norm(without.irradiance(*points) - with_shadows) / np.linalg.norm(with_shadows)
     assert true > 0.01
     assert without.report["error"]["measured_rms"] == pytest.approx(true, rel=0.5)
@@ -95,7 +95,7 @@ def test_residuals_of_a_furnace_are_what_is_missing_everywhere(particles, quadra
     for radiosity, missing in ((2.0, 0.0), (1.0, 0.5)):
         residual = reference.residual(np.full_like(solution.radiosity, radiosity), 4, 0)
         assert residual == pytest.approx(np.full_like(residual, missing))
-    whole = propagated(solution._exchange, np.full((len(residual), 3), 0.5), residual)
+    whole = propagated(solution._exchange.operator, np.full((len(residual), 3), 0.5), residual)
     assert whole == pytest.approx(np.ones_like(whole), abs=5e-3)
 
 
@@ -106,7 +106,7 @@ def test_places_of_a_group_are_on_all_of_its_triangles():
     sheet = (corners[:, None] + cells).reshape(-1, 3, 3)
     lamp = shapes.quad([0, 0, 1], [0, 1, 1], [1, 1, 1], [1, 0, 1])
     scene = fmm_core.Scene(np.concatenate([sheet, lamp]), 0.5, np.append(np.zeros(len(sheet)), [1.0, 1.0]), True)
-    solution = solved(scene, particles=100, quadrature=1, probes=0)
+    solution = solved(scene, particles=100, quadrature=1, probes=0, effects={"occlusion": True})
     assert not solution.particles.whole.all()
     places = Reference(solution.scene, solution._space.sums)._places
     assert solution.report["counts"]["particles"] < len(sheet) / 2

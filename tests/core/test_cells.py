@@ -63,7 +63,7 @@ def test_a_convex_room_postpones_nothing_and_loses_no_light(turn, octree):
     scene, points = fmm_core.Scene(room, 0.5, 1.0), shapes.random_points(room, 20)
     options = {"particles": 5000, "method": "fmm", "probes": 0, **octree}
     solution = fmm_core.solve(scene, fmm_core.Settings(visibility="cells", **options))
-    open_space = fmm_core.solve(scene, fmm_core.Settings(visibility="none", **options))
+    open_space = fmm_core.solve(scene, fmm_core.Settings(effects={"occlusion": False}, **options))
     irradiance = solution.irradiance(*points)
     assert irradiance == pytest.approx(np.full_like(irradiance, 2.0), rel=1e-2)
     assert solution.report["postponement"] == 0.0

@@ -22,7 +22,9 @@ EACH = pytest.mark.parametrize(
         fmm_core.Settings(particles=600, method="direct", iteration="shooting"),
         fmm_core.Settings(particles=1500, method="fmm"),
         fmm_core.Settings(particles=1500, method="fmm", expansion="paper", truncation=3),
-        fmm_core.Settings(particles=1500, method="fmm", expansion="whole", iteration="shooting", visibility="none"),
+        fmm_core.Settings(
+            particles=1500, method="fmm", expansion="whole", iteration="shooting", effects={"occlusion": False}
+        ),
         fmm_core.Settings(particles=1500, visibility="cells"),
     ],
     ids=["direct", "direct shooting", "fmm", "paper", "whole shooting", "cells"],

@@ -22,7 +22,7 @@ POINTS = shapes.random_points(ROOM, 100)
 
 
 def solved(**options):
-    options = {"particles": 9000, "visibility": "none", "tolerance": 1e-6} | options
+    options = {"particles": 9000, "effects": {"occlusion": False}, "tolerance": 1e-6} | options
     return fmm_core.solve(SCENE, fmm_core.Settings(**options))
 
 
@@ -78,7 +78,7 @@ def test_report_counts_boxes_and_pairs():
 def against_direct(triangles, emission, points, **options):
     """Relative L2 error of the irradiance at points, against the direct sum over the same particles."""
     scene = fmm_core.Scene(triangles, 0.5, emission)
-    chosen = {"particles": 2000, "visibility": "none"} | options
+    chosen = {"particles": 2000, "effects": {"occlusion": False}} | options
     exact = fmm_core.solve(scene, fmm_core.Settings(**chosen | {"method": "direct"})).irradiance(*points)
     found = fmm_core.solve(scene, fmm_core.Settings(**chosen | {"method": "fmm"})).irradiance(*points)
     return np.linalg.norm(found - exact) / np.linalg.norm(exact)

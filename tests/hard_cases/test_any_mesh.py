@@ -48,7 +48,7 @@ def test_result_does_not_depend_on_place_turn_and_order(scene, seed):
         scene.triangles[order] @ turn + shift, scene.albedo[order], scene.emission[order], scene.two_sided[order]
     )
     # Rays that graze an edge may fall on either side of it once turned: light without shadows is the same.
-    bare = fmm_core.Settings(particles=150, probes=0, method="direct", visibility="none", max_iterations=1)
+    bare = fmm_core.Settings(particles=150, probes=0, method="direct", effects={"occlusion": False}, max_iterations=1)
     first, second = fmm_core.solve(scene, bare), fmm_core.solve(moved, bare)
     points = scene.centre + scene.size * rng.uniform(-1, 1, (40, 3))
     normals = rng.normal(size=(40, 3))

@@ -321,6 +321,13 @@ pub fn contacts<'py>(py: Python<'py>, scene: PyReadonlyArray3<f64>) -> PyResult<
     Ok((vector(py, found.edges), vector(py, found.fractions), parts, vector(py, found.touched)))
 }
 
+/// Whether all triangles (T, 3, 3) are inside a mesh without openings.
+#[pyfunction]
+pub fn is_sealed(py: Python, scene: PyReadonlyArray3<f64>) -> PyResult<bool> {
+    let triangles = triangles(&scene)?;
+    Ok(py.detach(|| ::fmm::meshes::is_sealed(triangles)))
+}
+
 /// Scene numbers (N,) of points in the order of an octree: any run of them lies close together.
 #[pyfunction]
 pub fn tree_order<'py>(py: Python<'py>, points: Points, normals: Points) -> PyResult<Bound<'py, PyArray1<u32>>> {

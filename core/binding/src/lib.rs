@@ -19,6 +19,7 @@ fn _binding(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(fmm::group, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::contacts, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::limit_threads, module)?)?;
+    module.add_function(wrap_pyfunction!(fmm::is_sealed, module)?)?;
     module.add_function(wrap_pyfunction!(direct::facing_rays, module)?)?;
     module.add_function(wrap_pyfunction!(direct::mark_visible, module)?)?;
     module.add_function(wrap_pyfunction!(direct::symmetrise, module)?)?;

@@ -2,7 +2,7 @@
 //! Where another mesh stands on a triangle or goes through it, the light changes from one side to the other: the triangle
 //! is cut along that line, so that no part of it stands for both sides.
 
-use crate::groups::connected;
+use crate::meshes::connected;
 use crate::vector::{add, cross, dot, high, low, norm, scale, sub};
 use rayon::prelude::*;
 use rstar::primitives::{GeomWithData, Rectangle};

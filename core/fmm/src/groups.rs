@@ -2,6 +2,7 @@
 //! Triangles that are finer than the light needs, as groups that one particle can stand for.
 
 use crate::error::{Error, same_length};
+use crate::meshes::connected;
 use crate::vector::{add, cross, high, low, norm, scale, sub};
 use crate::visibility::hash;
 use rayon::prelude::*;
@@ -59,22 +60,6 @@ fn distinct(mut keys: Vec<u64>) -> usize {
     keys.chunk_by(|a, b| a == b).count()
 }
 
-/// The mesh that each triangle belongs to, by its first triangle: triangles of one mesh are of one key and joined by corners
-/// at exactly the same places.
-pub(crate) fn connected(triangles: &[[[f64; 3]; 3]], keys: &[u64]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
-    let mut first: HashMap<([u64; 3], u64), u32> = HashMap::with_capacity(triangles.len());
-    for ((triangle, &key), i) in triangles.iter().zip(keys).zip(0..) {
-        for corner in triangle {
-            // 0 and -0 are the same place.
-            let other = *first.entry((corner.map(|x| (x + 0.0).to_bits()), key)).or_insert(i);
-            let (a, b) = (root(&mut parent, i), root(&mut parent, other));
-            parent[a.max(b) as usize] = a.min(b);
-        }
-    }
-    (0..triangles.len() as u32).map(|i| root(&mut parent, i)).collect()
-}
-
 /// The longest side of the bounding box of each triangle's mesh.
 fn extents(triangles: &[[[f64; 3]; 3]], meshes: &[u32]) -> Vec<f64> {
     let mut boxes: HashMap<u32, ([f64; 3], [f64; 3])> = HashMap::new();
@@ -86,14 +71,6 @@ fn extents(triangles: &[[[f64; 3]; 3]], meshes: &[u32]) -> Vec<f64> {
     }
     let extent = |(least, most): &([f64; 3], [f64; 3])| sub(*most, *least).into_iter().fold(0.0, f64::max);
     meshes.iter().map(|mesh| boxes.get(mesh).map_or(0.0, extent)).collect()
-}
-
-fn root(parent: &mut [u32], mut i: u32) -> u32 {
-    while parent[i as usize] != i {
-        parent[i as usize] = parent[parent[i as usize] as usize];
-        i = parent[i as usize];
-    }
-    i
 }
 
 #[cfg(test)]

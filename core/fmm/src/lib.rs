@@ -19,6 +19,7 @@ pub mod links;
 pub mod lists;
 mod lists_batches;
 mod lists_traversal;
+pub mod meshes;
 pub mod near_field;
 pub mod octree;
 mod octree_build;

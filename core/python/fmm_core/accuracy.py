@@ -37,13 +37,14 @@ RESAMPLES, CONFIDENCE = 1000, 0.95
 class Solved:
     """What is measured: a scene, the operators and the radiosity (N, 3) that solve it.
 
+    exchange None where nothing is reflected
     direct   (N, 3) irradiance of the particles from lamps and sky; what is wrong with it is not measured
     lamps    the same at any points with normals (M, 3), exact
     """
 
     scene: Scene
     space: Space
-    exchange: Operator
+    exchange: Operator | None
     radiosity: Points
     direct: Points
     lamps: Callable[[Points, Points], Points]
@@ -81,7 +82,7 @@ def measure(
     for half in (0, 1):
         residual = reference.residual(solved.radiosity, samples, half) + albedo * solved.direct
         tick(0.5 * half + 0.2)
-        missing = propagated(solved.exchange, albedo, residual)
+        missing = residual if solved.exchange is None else propagated(solved.exchange, albedo, residual)
         tick(0.5 * half + 0.3)
         both = reference.irradiance(points, normals, np.hstack([solved.radiosity, missing]), rays, 2 + half)
         gathered.append(both[:, :3] + lamps)

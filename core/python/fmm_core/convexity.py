@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Proof, without a ray, that no triangle is between receivers and a lamp."""
+"""Proof, without a ray, that no triangle is between others, or between them and a lamp."""
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +28,38 @@ def nothing_between(triangles: Points, points: Points, lamp: Points, radius: flo
     return _on_one_side(planes, points[:: max(1, len(points) // FEW)], lamp, radius, ON_PLANE * size) and _on_one_side(
         _different(planes, size), points, lamp, radius, ON_PLANE * size
     )
+
+
+def some_stand_between(triangles: Points) -> bool:
+    """Whether a triangle (T, 3, 3) may be between two others: its plane has corners on both sides."""
+    return _some(
+        triangles, np.arange(len(triangles)), lambda lowest, highest, margin: (lowest < -margin) & (highest > margin)
+    )
+
+
+def some_face(triangles: Points, two_sided: NDArray[np.bool_]) -> bool:
+    """Whether a triangle (T, 3, 3) may face another: a corner lies before it, or off its plane if it has two sides."""
+    if _some(triangles, np.arange(len(triangles)), lambda _, highest, margin: highest > margin):
+        return True
+    return _some(triangles, np.flatnonzero(two_sided), lambda lowest, _, margin: lowest < -margin)
+
+
+def _some(triangles: Points, rows: NDArray[np.int64], test: Callable[[Points, Points, float], Points]) -> bool:
+    """Whether a test holds for the lowest and the highest corner above some plane of these rows; True if too many."""
+    if len(rows) == 0:
+        return False
+    size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
+    corners = np.unique(triangles.reshape(-1, 3), axis=0)
+    few, all_planes = corners[:: max(1, len(corners) // FEW)], _planes(triangles[rows])
+    for planes, points in ((all_planes, few), (_different(all_planes, size), corners)):
+        if len(planes) * len(points) > MOST:
+            return True
+        block = max(1, BLOCK // len(points))
+        for start in range(0, len(planes), block):
+            heights = planes[start : start + block, :3] @ points.T + planes[start : start + block, 3:]
+            if test(heights.min(axis=1), heights.max(axis=1), ON_PLANE * size).any():
+                return True
+    return False
 
 
 def _on_one_side(planes: Points, points: Points, lamp: Points, radius: float, margin: float) -> bool:

@@ -29,9 +29,8 @@ class DirectSpace:
         if self.sums.occlusion is not None:
             _check_memory(len(particles), 16 * len(particles) * self.sums.sources.words)
         operator = self.sums.direct_operator(particles.positions, particles.normals, True, tick)
-        if self.sums.occlusion is None:
-            return operator
-        self._lit = operator.balanced(self.sums.closed, symmetric=True).lit
+        if self.sums.keeps_energy:
+            self._lit = operator.balanced(self.sums.closed, symmetric=True).lit
         return operator
 
     def gather(

@@ -45,6 +45,10 @@ class _Lamp:
         """(3,) the field that is called `power`."""
         return np.array(getattr(self, self.power))
 
+    def with_colour(self, colour: Points) -> "_Lamp":
+        """The same lamp with other power (3,)."""
+        return replace(self, **{self.power: tuple(colour)})
+
     @property
     def geometry(self) -> tuple[Any, ...]:
         """Everything but the power: what rays find is the same for lamps of the same geometry."""

@@ -58,7 +58,7 @@ class MultipoleSpace:
         )
         self.counts, self.pairs = fmm.counts(), fmm.outcomes()
         operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
-        if self.sums.occlusion is not None:
+        if self.sums.keeps_energy:
             self.lit = operator.balanced(self.closed).lit
         return operator
 
@@ -66,7 +66,9 @@ class MultipoleSpace:
     def closed(self) -> bool:
         """Whether light cannot leave the scene, once it is known whether anything is in the way."""
         occlusion = self.sums.occlusion
-        return occlusion is not None and self.open and occlusion.whole and is_watertight(occlusion.triangles)
+        if occlusion is None:
+            return self.sums.closed
+        return self.open and occlusion.whole and is_watertight(occlusion.triangles)
 
     def gather(
         self, points: Points, normals: Points, radiosity: Points, tick: Tick = silent, effort: float = 1.0

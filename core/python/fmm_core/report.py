@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
+from .effects import Effect
 from .scene import Scene
 from .settings import Settings
 
@@ -32,8 +33,8 @@ ERROR = ("measured_rms", "low", "high", "measured_max", "gathered", "probes", "r
 class Report:
     """Collects counts, seconds, residuals and warnings while a scene is solved and baked."""
 
-    def __init__(self, settings: Settings, scene: Scene) -> None:
-        self._settings = settings
+    def __init__(self, settings: Settings, scene: Scene, effects: dict[str, Effect]) -> None:
+        self._settings, self.effects = settings, effects
         self.counts = dict.fromkeys(COUNTS, 0)
         self.seconds = dict.fromkeys(PHASES, 0.0)
         self.residuals: list[float] = []
@@ -59,7 +60,7 @@ class Report:
         return {
             "version": VERSION,
             "settings": asdict(self._settings),
-            "effects": {},
+            "effects": {name: asdict(effect) for name, effect in self.effects.items()},
             "counts": dict(self.counts),
             "postponement": self.postponement,
             "visibility_kept": self.kept,

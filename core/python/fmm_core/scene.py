@@ -83,6 +83,21 @@ class Scene:
         self.lights, self.sky = checked_lights(lights), _checked_sky(sky)
         self._check_lit()
 
+    @property
+    def is_grey(self) -> bool:
+        """Whether all light and all surfaces have the same value in each colour."""
+        colours = [self.albedo, self.emission, *(light.colour for light in self.lights)]
+        colours += [] if self.sky is None else [self.sky.radiance]
+        return all((values == values[..., :1]).all() for values in colours)
+
+    def grey(self) -> "Scene":
+        """The same scene with the mean over the colours in place of each."""
+        scene = copy.copy(self)
+        scene.albedo, scene.emission = _frozen(_mean(self.albedo)), _frozen(_mean(self.emission))
+        scene.lights = tuple(light.with_colour(_mean(light.colour)) for light in self.lights)
+        scene.sky = None if self.sky is None else Sky(_mean(self.sky.radiance))
+        return scene
+
     def near_origin(self) -> "Scene":
         """The scene, moved to the origin if it is so far away that its coordinates are coarse against its size."""
         if np.abs(self.centre).max() <= FAR * self.size:
@@ -205,6 +220,11 @@ def _checked_sky(sky: Sky | None) -> Sky | None:
     if not isinstance(sky, Sky | None):
         raise Error(f"sky: expected a Sky or None, got {type(sky).__name__}")
     return None if sky is None or sky.is_black else sky
+
+
+def _mean(colours: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The mean over the colours, which are last, as a grey of the same shape."""
+    return np.repeat(colours.mean(axis=-1, keepdims=True), 3, axis=-1)
 
 
 def _flags(name: str, values: ArrayLike, count: int) -> NDArray[np.bool_]:

@@ -3,17 +3,20 @@
 
 import math
 import textwrap
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from numbers import Integral, Real
 
 from .errors import Error
 
+#: What a scene may call for, in the order in which it is shown; `effects.py` decides about them.
+EFFECTS = ("occlusion", "interreflection", "colour", "lamps", "sky", "transparency", "two_sided")
 METHODS = ("direct", "fmm")
 ITERATIONS = ("krylov", "shooting")
 EXPANSIONS = ("whole", "paper", "compressed")
 #: Setting up the compressed expansion takes p^9 steps.
 MAX_COMPRESSED = 8
-VISIBILITIES = ("rays", "cells", "none")
+VISIBILITIES = ("rays", "cells")
 
 
 @dataclass(frozen=True)
@@ -27,8 +30,7 @@ class Settings:
     method          "fmm": the fast multipole method; "direct": every particle with every other one, the reference;
                     None: direct where there are few particles, which takes no longer there
     visibility      "rays": shadows; "cells": the paper's own algorithm, of the fast multipole method only, with shadows
-                    as coarse as the leaves of the octree; "none": all in front of the horizon is seen, as it is
-                    in a convex room
+                    as coarse as the leaves of the octree
     rays            about how many rays the fast multipole method traces from each receiver; the error falls with their
                     number. The direct method traces one for each pair
     expansion       "whole": the kernel as one tensor; "compressed": the same in fewer numbers, which take longer to set
@@ -46,6 +48,8 @@ class Settings:
     iteration       "krylov": GMRES; "shooting": that of the paper (section 4), slower where surfaces are bright
     tolerance       iteration ends when the unshot part of the light is below this share
     max_iterations  and at the latest after this many applications of the operator
+    effects         which of `EFFECTS` to simulate whatever the scene says, True, or to leave out, False, by name;
+                    without occlusion all that is in front of the horizon is seen, as it is in a convex room
     probes          random points whose irradiance is also summed directly, to measure the error; 0 for none
     """
 
@@ -65,6 +69,7 @@ class Settings:
     tolerance: float = 1e-4
     max_iterations: int = 1000
     probes: int = 300
+    effects: Mapping[str, bool] = field(default_factory=dict)
 
     @property
     def expansion_in_use(self) -> str:
@@ -83,6 +88,7 @@ class Settings:
         self._check_choice("iteration", ITERATIONS)
         if self.visibility == "cells" and self.method == "direct":
             raise Error("visibility: 'cells' is for the method 'fmm', got 'direct'")
+        self._check_effects()
         self._check_choice("expansion", (None, *EXPANSIONS))
         if self.near_reach is not None:
             self._check_real("near_reach", 1.0, 1e3)
@@ -95,6 +101,15 @@ class Settings:
             raise Error(f"quadrature: expected 1, 2, 4 or 5, got {_shown(self.quadrature)}")
         if self.expansion == "compressed" and self.truncation > MAX_COMPRESSED:
             raise Error(f"truncation: the compressed expansion goes up to {MAX_COMPRESSED}, got {self.truncation}")
+
+    def _check_effects(self) -> None:
+        if not isinstance(self.effects, Mapping):
+            raise Error(f"effects: expected names with True or False, got {self.effects!r}")
+        for name, wanted in self.effects.items():
+            if name not in EFFECTS:
+                raise Error(f"effects: expected one of {', '.join(EFFECTS)}, got {name!r}")
+            if not isinstance(wanted, bool):
+                raise Error(f"effects: expected True or False for {name}, got {wanted!r}")
 
     def _check_integer(self, name: str, low: int, high: int) -> None:
         value = getattr(self, name)

@@ -11,19 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 from .accuracy import PROBE_RAYS, Solved, measure
 from .arrays import finite_rows, unit_rows
 from .direct_light import LIGHTING, Receivers
+from .effects import plan, planned
 from .errors import Error, memory_errors
-from .fit import Sight, VertexFit, clear_sight
-from .iteration import iterate
+from .exchange import Exchange
+from .fit import Sight, VertexFit
 from .kept import KeptVisibility
 from .lights import Light
-from .multipole import MultipoleSpace
 from .particles import Particles, serve
 from .progress import Progress, Tick, ticker
 from .report import Report
 from .scene import Scene
 from .settings import Settings
 from .sky import Sky
-from .transport import Operator, Space
 
 Points = NDArray[np.float64]
 
@@ -31,7 +30,7 @@ Points = NDArray[np.float64]
 class Solution:
     """Solved radiosity of a scene.
 
-    scene, settings   what was solved and how
+    scene, settings   what was asked for and how
     radiosity         (N, 3) at the particles, W/m^2
     kept              the kept visibility that `solve` was given, or None
     """
@@ -39,27 +38,24 @@ class Solution:
     def __init__(
         self,
         scene: Scene,
+        planned: Scene,
         settings: Settings,
-        space: Space,
-        exchange: Operator,
-        lit: Receivers,
+        exchange: Exchange,
         radiosity: NDArray[np.float64],
         report: Report,
-        kept: KeptVisibility | None = None,
-        first: Scene | None = None,
-        relit: bool = False,
-        lit_points: Receivers | None = None,
+        kept: KeptVisibility | None,
+        first: Scene,
     ) -> None:
         self.scene, self.settings = scene, settings
         # (N, C), as it was solved.
         self._radiosity = radiosity
         self.radiosity = radiosity if radiosity.shape[1] == 3 else np.repeat(radiosity, 3, axis=1)
         self.kept = kept
-        # The scene whose lights the particles were made for.
-        self._first = scene if first is None else first
-        self._space, self._exchange, self._report, self._relit = space, exchange, report, relit
-        # The particles under lamps and sky, and the points that were asked for last.
-        self._lit, self._lit_points = lit, lit_points
+        # What is left of the scene by the plan, and the scene whose lights the particles were made for.
+        self._planned, self._first = planned, first
+        self._exchange, self._space, self._report, self._relit = exchange, exchange.space, report, False
+        # The points that were asked for last, under lamps and sky.
+        self._lit_points: Receivers | None = None
 
     def irradiance(
         self, points: ArrayLike, normals: ArrayLike, progress: Progress | None = None, effort: float = 1.0
@@ -76,10 +72,11 @@ class Solution:
             raise Error(f"normals: expected {len(points)} rows like points, got {len(normals)}")
         points = points - self.scene.origin
         with memory_errors(), self._report.time("evaluate"):
-            gathered = self._space.gather(
-                points, normals, self._radiosity, ticker(progress, 0.0, 0.7, "Gathering light"), effort
-            )
-            irradiance = gathered + self._direct(points, normals, effort, ticker(progress, 0.7, 0.8, LIGHTING))
+            irradiance = np.zeros_like(points)
+            if self.radiosity.any():
+                tick = ticker(progress, 0.0, 0.7, "Gathering light")
+                irradiance = irradiance + self._space.gather(points, normals, self._radiosity, tick, effort)
+            irradiance += self._direct(points, normals, effort, ticker(progress, 0.7, 0.8, LIGHTING))
         self._report.counts["output_points"] = len(points)
         # Once a solve, and not where it shall trace no ray.
         if self.settings.probes > 0 and len(points) > 0 and not self._relit and not self._report.error["probes"]:
@@ -95,8 +92,6 @@ class Solution:
     def sight(self, fit: VertexFit) -> Sight:
         """What other objects do to the samples of a fit; asked once for the same samples, also after `relight`."""
         with memory_errors(), self._report.time("evaluate"):
-            if isinstance(self._space, MultipoleSpace) and self._space.open:
-                return clear_sight(len(fit.points))
             origin = self.scene.origin
             found = self._space.sums.sight(fit.points - origin, fit.normals, fit.corners - origin)
         self._report.counts["rays"] = self._space.sums.rays - self._report.traced
@@ -109,16 +104,16 @@ class Solution:
         asked = Receivers(points, normals, self._space.sums.occlusion, effort * self.settings.rays)
         if self._lit_points is None or not self._lit_points.same(asked):
             self._lit_points = asked
-        return self._lit_points.irradiance(self.scene.lights, self.scene.sky, tick)
+        return self._lit_points.irradiance(self._planned.lights, self._planned.sky, tick)
 
     def _measured(self, irradiance: NDArray[np.float64], points: Points, normals: Points, tick: Tick) -> dict[str, Any]:
-        lights, sky = self.scene.lights, self.scene.sky
+        lights, sky = self._planned.lights, self._planned.sky
 
         def lamps(points: Points, normals: Points) -> Points:
             return Receivers(points, normals, self._space.sums.occlusion, PROBE_RAYS).irradiance(lights, sky)
 
-        direct = self._lit.irradiance(lights, sky)
-        solved = Solved(self.scene, self._space, self._exchange, self.radiosity, direct, lamps)
+        direct = self._exchange.direct(self._planned)
+        solved = Solved(self._planned, self._space, self._exchange.operator, self.radiosity, direct, lamps)
         seconds = self._report.seconds
         application = seconds["transport"] / max(1, len(self._report.residuals))
         return measure(irradiance, points, normals, solved, self.settings, (sum(seconds.values()), application), tick)
@@ -148,23 +143,23 @@ class Solution:
         progress as in `solve`. Raises `Error` naming the array, the row and the value.
         """
         scene = self.scene.relit(emission, albedo, lights, sky)
-        report = Report(self.settings, scene)
-        if not serve(self.particles, self._first, scene):
+        effects = plan(scene, self.settings)
+        left = planned(scene, effects)
+        report = Report(self.settings, left, effects)
+        if not serve(self.particles, self._first, left):
             report.warnings.append(
                 "relight: other triangles emit, or some that share a particle differ now; a new solve is more exact"
             )
         report.counts.update(self._report.counts, rays=0, output_points=0)
         report.kept = True
         report.postponement, report.traced = self._report.postponement, self._space.sums.rays
-        with memory_errors(), report.time("visibility"):
-            tick = ticker(progress, 0.0, 0.2, LIGHTING)
-            direct = self._lit.irradiance(scene.lights, scene.sky, tick)
-        with memory_errors(), report.time("transport"):
-            tick = ticker(progress, 0.2, 1.0, "Exchanging light")
-            radiosity = iterate(self._exchange, scene, self.particles, direct, self.settings, report, tick)
+        with memory_errors():
+            blocked = effects["occlusion"].used and self._exchange.block(left, self.kept)
+            radiosity = self._exchange.radiosity(left, report, progress)
         report.counts["rays"] = self._space.sums.rays - report.traced
-        parts = self._space, self._exchange, self._lit, radiosity, report, self.kept, self._first
-        return Solution(scene, self.settings, *parts, relit=True, lit_points=self._lit_points)
+        solution = Solution(scene, left, self.settings, self._exchange, radiosity, report, self.kept, self._first)
+        solution._lit_points, solution._relit = None if blocked else self._lit_points, True
+        return solution
 
     @property
     def particles(self) -> Particles:

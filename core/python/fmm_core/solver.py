@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From a scene to its solution: particles, visibility, iteration."""
 
+from .balance import is_watertight
 from .direct import DirectSpace
-from .direct_light import LIGHTING, Receivers
+from .effects import plan, planned
 from .errors import Error, memory_errors
-from .iteration import iterate
+from .exchange import Exchange
 from .kept import KeptVisibility
-from .multipole import MultipoleSpace, particle_rays
+from .multipole import MultipoleSpace
 from .particles import make_particles, serve
-from .progress import Progress, ticker
+from .progress import Progress
 from .report import Report
 from .scene import Scene
 from .settings import Settings
@@ -48,21 +49,23 @@ def solve(
         return _solve(scene.near_origin(), settings, progress, kept)
 
 
-def _solve(scene: Scene, settings: Settings, progress: Progress | None, kept: KeptVisibility | None) -> Solution:
-    report = Report(settings, scene)
+def _solve(whole: Scene, settings: Settings, progress: Progress | None, kept: KeptVisibility | None) -> Solution:
+    effects = plan(whole, settings)
+    scene = planned(whole, effects)
+    report = Report(settings, scene, effects)
     if kept is not None:
         report.warnings += kept.take(scene)
     if settings.target_error is not None:
         report.warnings.append(f"target_error {settings.target_error:g} is not used yet")
     triangles = len(scene.triangles)
     with report.time("visibility"):
-        occlusion = Occlusion(scene, kept) if settings.visibility != "none" else None
+        occlusion = Occlusion(scene, kept) if effects["occlusion"].used else None
     with report.time("tree"):
         count = settings.particles or min(max(AUTOMATIC_PARTICLES, triangles), MOST_AUTOMATIC)
         few = settings.method is None and settings.visibility != "cells" and max(count, triangles) <= FEW_PARTICLES
         multipole = settings.method != "direct" and not few
         degree = settings.quadrature or (2 if triangles < count else 1)
-        buried = occlusion.buried if multipole and settings.visibility == "rays" else None
+        buried = occlusion.buried if occlusion and multipole and settings.visibility == "rays" else None
         first = scene if kept is None else kept.first(scene)
         particles = make_particles(first, count, degree, buried)
         if kept is not None and not serve(particles, first, scene):
@@ -70,24 +73,11 @@ def _solve(scene: Scene, settings: Settings, progress: Progress | None, kept: Ke
             report.warnings += kept.remake(scene)
     report.counts.update(triangles=triangles, particles=len(particles))
     single = 6.0 if multipole and occlusion else 12.0
-    sums = Sums(particles, occlusion, settings.near_reach or (single if degree == 1 else 4.0))
-    with report.time("lists" if multipole else "visibility"):
-        space = MultipoleSpace(sums, settings) if multipole else DirectSpace(sums)
-        exchange = space.exchange(ticker(progress, 0.0, 0.7, "Preparing the exchange"))
-    if isinstance(space, MultipoleSpace):
-        report.seconds["lists"] -= space.occlusion_seconds
-        report.seconds["visibility"] += space.occlusion_seconds
-    rays = particle_rays(settings, len(particles))
-    lit = Receivers(particles.positions, particles.normals, occlusion, rays, particles)
-    with report.time("visibility"):
-        direct = lit.irradiance(scene.lights, scene.sky, ticker(progress, 0.7, 0.8, LIGHTING))
-    with report.time("transport"):
-        tick = ticker(progress, 0.8, 1.0, "Exchanging light")
-        radiosity = iterate(exchange, scene, particles, direct, settings, report, tick)
-    if isinstance(space, MultipoleSpace):
-        report.counts.update({name: space.counts[name] for name in ("boxes", "leaves")})
-        names = "pairs_valid", "pairs_partial", "pairs_invalid"
-        report.counts.update(zip(names, space.pairs, strict=True))
-        report.postponement = space.pairs[1] / max(1, sum(space.pairs))
+    room = None
+    if occlusion is None and settings.effects.get("occlusion") is not False:
+        room = scene.opacity is None and is_watertight(scene.triangles)
+    sums = Sums(particles, occlusion, settings.near_reach or (single if degree == 1 else 4.0), room)
+    exchange = Exchange(MultipoleSpace(sums, settings) if multipole else DirectSpace(sums), settings)
+    radiosity = exchange.radiosity(scene, report, progress)
     report.counts["rays"], report.kept = sums.rays, sums.replayed > 0
-    return Solution(scene, settings, space, exchange, lit, radiosity, report, kept, first)
+    return Solution(whole, scene, settings, exchange, radiosity, report, kept, first)

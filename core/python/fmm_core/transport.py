@@ -88,10 +88,14 @@ class Sums:
     """What both methods share: the point sources, and exact form factors where a patch is near.
 
     occlusion   None where every surface in front of the horizon is seen
+    room        None where something can be in the way; else whether the scene is a room without openings
     """
 
-    def __init__(self, particles: Particles, occlusion: Occlusion | None, near_reach: float) -> None:
+    def __init__(
+        self, particles: Particles, occlusion: Occlusion | None, near_reach: float, room: bool | None = None
+    ) -> None:
         self.particles, self.occlusion, self.near_reach = particles, occlusion, near_reach
+        self._room = room
         self._sight: tuple[NDArray[np.float64], Sight] | None = None
         # A group of triangles has no exact form factor: what is so near is found by rays.
         self._reach = (1 + ROUNDING) * near_reach * particles.radii * particles.whole
@@ -99,9 +103,16 @@ class Sums:
             particles.positions, particles.normals, particles.softening, particles.areas, particles.per_patch
         )
 
+    @property
+    def keeps_energy(self) -> bool:
+        """Whether operators may be balanced: not where light goes through what is in its way."""
+        return self.occlusion is not None or self._room is not None
+
     @cached_property
     def closed(self) -> bool:
         """Whether light cannot leave the scene."""
+        if self._room is not None:
+            return self._room
         return self.occlusion is not None and is_closed(self.occlusion, self.particles)
 
     @cached_property

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Triangles that make up one mesh, and whether it is a room without openings.
+
+use crate::vector::{cross, dot, high, low, sub};
+use std::collections::{HashMap, HashSet};
+
+type Vector = [f64; 3];
+type Place = [u64; 3];
+
+/// Boxes that differ by less than this share of the scene are the same.
+const ROUNDING: f64 = 1e-6;
+
+/// The mesh that each triangle belongs to, by its first triangle: triangles of one mesh are of one key and joined by corners
+/// at exactly the same places.
+pub(crate) fn connected(triangles: &[[Vector; 3]], keys: &[u64]) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
+    let mut first: HashMap<(Place, u64), u32> = HashMap::with_capacity(triangles.len());
+    for ((triangle, &key), i) in triangles.iter().zip(keys).zip(0..) {
+        for corner in triangle {
+            let other = *first.entry((place(corner), key)).or_insert(i);
+            let (a, b) = (root(&mut parent, i), root(&mut parent, other));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    (0..triangles.len() as u32).map(|i| root(&mut parent, i)).collect()
+}
+
+fn place(corner: &Vector) -> Place {
+    // 0 and -0 are the same place.
+    corner.map(|x| (x + 0.0).to_bits())
+}
+
+fn root(parent: &mut [u32], mut i: u32) -> u32 {
+    while parent[i as usize] != i {
+        parent[i as usize] = parent[parent[i as usize] as usize];
+        i = parent[i as usize];
+    }
+    i
+}
+
+/// Whether everything is inside a mesh that has no opening and faces inwards, so that nothing comes in from outside.
+pub fn is_sealed(triangles: &[[Vector; 3]]) -> bool {
+    let all = bounds(triangles.iter());
+    let slack = ROUNDING * sub(all.1, all.0).into_iter().fold(0.0, f64::max);
+    let mut meshes: HashMap<u32, Vec<&[Vector; 3]>> = HashMap::new();
+    for (triangle, mesh) in triangles.iter().zip(connected(triangles, &vec![0; triangles.len()])) {
+        meshes.entry(mesh).or_default().push(triangle);
+    }
+    meshes.values().any(|mesh| {
+        let (least, most) = bounds(mesh.iter().copied());
+        let holds_all = (0..3).all(|i| least[i] <= all.0[i] + slack && most[i] >= all.1[i] - slack);
+        holds_all && is_closed(mesh) && volume(mesh, least) < 0.0
+    })
+}
+
+fn bounds<'a>(triangles: impl Iterator<Item = &'a [Vector; 3]>) -> (Vector, Vector) {
+    let none = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    triangles.flatten().fold(none, |(least, most), &corner| (low(least, corner), high(most, corner)))
+}
+
+/// Whether each edge is shared by two triangles that run along it in opposite directions.
+fn is_closed(mesh: &[&[Vector; 3]]) -> bool {
+    let mut edges: HashSet<(Place, Place)> = HashSet::with_capacity(3 * mesh.len());
+    let ends = || mesh.iter().flat_map(|t| (0..3).map(|i| (place(&t[i]), place(&t[(i + 1) % 3]))));
+    ends().all(|edge| edges.insert(edge)) && ends().all(|(a, b)| edges.contains(&(b, a)))
+}
+
+/// Six times what is inside, below 0 where the triangles face inwards.
+fn volume(mesh: &[&[Vector; 3]], origin: Vector) -> f64 {
+    mesh.iter().map(|t| t.map(|corner| sub(corner, origin))).map(|[a, b, c]| dot(a, cross(b, c))).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A tetrahedron that faces inwards.
+    fn room() -> Vec<[Vector; 3]> {
+        let [o, x, y, z] = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]];
+        vec![[o, x, y], [o, z, x], [o, y, z], [x, z, y]]
+    }
+
+    #[test]
+    fn a_room_without_openings_is_sealed() {
+        let mut scene = room();
+        scene.push([[0.1, 0.1, 0.1], [0.2, 0.1, 0.1], [0.1, 0.2, 0.1]]);
+        assert!(is_sealed(&scene));
+        assert!(!is_sealed(&[]));
+    }
+
+    #[test]
+    fn an_opening_an_outside_and_a_body_are_not() {
+        assert!(!is_sealed(&room()[..3]));
+        let mut outside = room();
+        outside.push([[2., 0., 0.], [3., 0., 0.], [2., 1., 0.]]);
+        assert!(!is_sealed(&outside));
+        let body: Vec<_> = room().into_iter().map(|[a, b, c]| [a, c, b]).collect();
+        assert!(!is_sealed(&body));
+    }
+}

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which effects a scene calls for, decided from its arrays before any work starts; the others cost nothing."""
+
+import copy
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import _binding
+from .convexity import nothing_between, some_face, some_stand_between
+from .scene import Scene
+from .settings import EFFECTS, Settings
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Whether an effect is simulated, and why it is or is not, in words for the user."""
+
+    used: bool
+    why: str
+
+
+def plan(scene: Scene, settings: Settings) -> dict[str, Effect]:
+    """The effects of a scene by name, those of `settings.EFFECTS`.
+
+    Where the settings force one, its reason says so; what the scene does not have at all cannot be forced on.
+    """
+    decisions = (_occlusion, _interreflection, _colour, _lamps, _sky, _transparency, _two_sided)
+    named = zip(EFFECTS, decisions, strict=True)
+    return {name: _forced(decide(scene), settings.effects.get(name)) for name, decide in named}
+
+
+def planned(scene: Scene, effects: dict[str, Effect]) -> Scene:
+    """The scene without what is not simulated."""
+    left, unused = copy.copy(scene), {name for name, effect in effects.items() if not effect.used}
+    if "interreflection" in unused:
+        left.albedo = np.zeros_like(scene.albedo)
+    if "lamps" in unused:
+        left.lights = ()
+    if "sky" in unused:
+        left.sky = None
+    if "transparency" in unused:
+        left.opacity = None
+    if "two_sided" in unused:
+        left.two_sided = np.zeros_like(scene.two_sided)
+    if "colour" in unused and not scene.is_grey:
+        left = left.grey()
+    return left
+
+
+def _forced(effect: Effect, wanted: bool | None) -> Effect:
+    if wanted is None or effect.used == wanted or effect.why.startswith("no "):
+        return effect
+    return Effect(wanted, f"switched {'on' if wanted else 'off'} ({effect.why})")
+
+
+def _occlusion(scene: Scene) -> Effect:
+    corners = scene.triangles.reshape(-1, 3)
+    if some_stand_between(scene.triangles):
+        return Effect(True, "a surface can stand between two others")
+    for light in scene.lights:
+        if light.shadows and not nothing_between(scene.triangles, corners, *light.extent):
+            return Effect(True, "a surface can stand between a lamp and another one")
+    if scene.sky is not None and some_face(scene.triangles, scene.two_sided):
+        return Effect(True, "surfaces hide parts of the sky from each other")
+    return Effect(False, "nothing can be in the way: no surface has others on both sides of its plane")
+
+
+def _interreflection(scene: Scene) -> Effect:
+    if not scene.albedo.any():
+        return Effect(False, "no surface reflects anything: all are black")
+    if not some_face(scene.triangles, scene.two_sided):
+        return Effect(False, "no surface faces another one")
+    return Effect(True, f"surfaces reflect up to {scene.albedo.max():.0%} of the light")
+
+
+def _colour(scene: Scene) -> Effect:
+    if scene.is_grey:
+        return Effect(False, "all light and all surfaces are grey: one channel is solved for three")
+    return Effect(True, "light or surfaces have colours")
+
+
+def _lamps(scene: Scene) -> Effect:
+    count = sum(bool(light.colour.any()) for light in scene.lights)
+    return Effect(True, f"{count} of them") if count else Effect(False, "no lamp gives light")
+
+
+def _sky(scene: Scene) -> Effect:
+    if scene.sky is None:
+        return Effect(False, "no light comes from the sky")
+    if scene.opacity is None and not scene.two_sided.any() and _binding.is_sealed(scene.triangles):
+        return Effect(False, "everything is inside a mesh without openings")
+    return Effect(True, "light comes from outside of the scene")
+
+
+def _transparency(scene: Scene) -> Effect:
+    if scene.opacity is None:
+        return Effect(False, "no surface lets light through")
+    return Effect(True, f"{np.count_nonzero(scene.opacity.mean < 1)} triangles let light through")
+
+
+def _two_sided(scene: Scene) -> Effect:
+    count = np.count_nonzero(scene.two_sided)
+    return Effect(True, f"{count} triangles of open meshes") if count else Effect(False, "no mesh is open")
