@@ -107,6 +107,10 @@ def _parser() -> _Parser:
         type=int,
         help="random points to measure the error at, 0 for none (default: 300, or as in the scene)",
     )
+    effects = ", ".join(fmm_core.EFFECTS)
+    add("--without", action="append", default=[], metavar="EFFECT", help=f"leave an effect out: {effects}")
+    add("--with", action="append", default=[], dest="forced", metavar="EFFECT",
+        help="simulate an effect that the scene does not call for")  # fmt: skip
     add("--keep-visibility", action="store_true", help=f"save what sees what in a {bake.KEPT_SUFFIX} beside the scene: "
         "faster bakes with other lights and colours")  # fmt: skip
     add("--colours", choices=("fit", "points"), help="fit: colours that match the light on the faces best; points: the "
@@ -125,7 +129,10 @@ def _file(name: str) -> Path:
 def _chosen(options: argparse.Namespace) -> dict[str, object]:
     """The settings that were given; the others come from the scene."""
     names = ("truncation", "grouping", "method", "target_error", "particles", "rays", "probes")
-    return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
+    chosen = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
+    if options.forced or options.without:
+        chosen["effects"] = dict.fromkeys(options.forced, True) | dict.fromkeys(options.without, False)
+    return chosen
 
 
 def _run(options: argparse.Namespace) -> dict:

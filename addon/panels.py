@@ -123,6 +123,27 @@ class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
         self.layout.operator("fmm_radiosity.show_report", icon="TEXT")
 
 
+class FMM_RADIOSITY_PT_effects(_InSidebar, bpy.types.Panel):
+    """Which effects the last bake simulated, and which ones the next one shall leave out."""
+
+    bl_label = "Effects"
+    bl_parent_id = "FMM_RADIOSITY_PT_bake"
+    bl_options: ClassVar[set[str]] = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the effects with their reasons, and what is to be left out."""
+        if session.report is not None:
+            column = self.layout.column(align=True)
+            for item in context.scene.fmm_radiosity.bl_rna.properties["without"].enum_items:
+                effect = session.report["effects"][item.identifier]
+                column.label(text=item.name, icon="CHECKMARK" if effect["used"] else "X")
+                column.label(text=effect["why"], icon="BLANK1", translate=False)
+        self.layout.label(text="Leave Out")
+        column = self.layout.column(align=True)
+        column.enabled = session.running is None
+        column.prop(context.scene.fmm_radiosity, "without")
+
+
 class FMM_RADIOSITY_PT_meshes(_InSidebar, bpy.types.Panel):
     """Work on meshes before a bake, and on materials after it."""
 
@@ -218,6 +239,7 @@ CLASSES = (
     FMM_RADIOSITY_PT_quality,
     FMM_RADIOSITY_PT_output,
     FMM_RADIOSITY_PT_result,
+    FMM_RADIOSITY_PT_effects,
     FMM_RADIOSITY_PT_meshes,
     FMM_RADIOSITY_PT_scene,
     FMM_RADIOSITY_PT_scene_quality,

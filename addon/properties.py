@@ -74,6 +74,22 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
         "Blender was closed, as long as only lights and colours have changed",
         default=False,
     )
+    without: bpy.props.EnumProperty(
+        name="Leave Out",
+        description="Effects that are not simulated although the scene calls for them. What a scene does not call for "
+        "is left out by itself",
+        options={"ENUM_FLAG"},
+        items=(
+            ("occlusion", "Shadows", ""),
+            ("interreflection", "Bounces", ""),
+            ("colour", "Colour", ""),
+            ("lamps", "Lamps", ""),
+            ("sky", "Sky", ""),
+            ("transparency", "Transparency", ""),
+            ("two_sided", "Backs of Open Meshes", ""),
+        ),
+        default=set(),
+    )
     scope: bpy.props.EnumProperty(
         name="Bake",
         description="Which objects take part, and which of them get colours",
@@ -147,6 +163,7 @@ def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Setting
         "rays": own.rays,
         "target_error": own.target_error or None,
         "probes": _DEFAULTS.probes if own.measure else 0,
+        "effects": dict.fromkeys(own.without, False),
     }
     return fmm_core.Settings(**(values | overrides))
 

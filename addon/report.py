@@ -52,7 +52,11 @@ def text(report: dict) -> str:
     lines += ["Counts", *(f"  {name.replace('_', ' '):<14}{count:>14,}" for name, count in report["counts"].items())]
     if report["peak_memory_mib"] is not None:
         lines += ["", f"Largest memory of Blender so far: {report['peak_memory_mib']:,.0f} MiB"]
-    chosen = {name: value for name, value in report["settings"].items() if value is not None}
+    effects = [
+        f"  {name:<16}{'yes' if part['used'] else 'no':<5}{part['why']}" for name, part in report["effects"].items()
+    ]
+    lines += ["", "Effects", *effects]
+    chosen = {name: value for name, value in report["settings"].items() if value is not None and name != "effects"}
     lines += ["", "Settings", *(f"  {name.replace('_', ' '):<14}{value:>14}" for name, value in chosen.items())]
     if report["warnings"]:
         lines += ["", "Warnings", *(f"  {warning}" for warning in report["warnings"])]

@@ -13,7 +13,14 @@ def test_help_needs_no_blender(run):
     assert "--target-error" in done.stdout
 
 
-@pytest.mark.parametrize("arguments", [("bake", "-o", "x.blend"), ("bake", "a.blend", "-o", "b.blend", "-p", "99")])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("bake", "-o", "x.blend"),
+        ("bake", "a.blend", "-o", "b.blend", "-p", "99"),
+        ("bake", "a.blend", "-o", "b.blend", "--without", "fog"),
+    ],
+)
 def test_bad_arguments_need_no_blender(run, arguments):
     done = run(*arguments, after="assert 'bpy' not in sys.modules")
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
@@ -28,12 +35,15 @@ def test_missing_scene(run):
 
 def test_bake_of_an_example(run, colours, root, tmp_path):
     scene, out = root / "examples" / "cornell_empty.blend", tmp_path / "out.blend"
-    done = run("bake", scene, "-o", out, "--particles", "1", "--report", tmp_path / "out.json")
+    effects = "--without", "sky", "--with", "occlusion"
+    done = run("bake", scene, "-o", out, "--particles", "1", *effects, "--report", tmp_path / "out.json")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith(f"{out}: ")
     report = json.loads((tmp_path / "out.json").read_text())
     assert report["version"] == 1
     assert report["warnings"] == []
+    assert report["settings"]["effects"] == {"occlusion": True, "sky": False}
+    assert report["effects"]["occlusion"]["used"]
     assert report["seconds"]["export"] > 0
     assert report["seconds"]["total"] >= report["seconds"]["export"] + report["seconds"]["write"]
     radiance = colours(out)

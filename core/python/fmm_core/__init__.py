@@ -8,13 +8,14 @@ from .kept import KeptVisibility
 from .lights import AreaLight, Light, PointLight, SpotLight, SunLight
 from .opacity import Opacity
 from .scene import MAX_ALBEDO, Scene
-from .settings import Settings
+from .settings import EFFECTS, Settings
 from .sky import Sky
 from .solution import Solution
 from .solver import solve
 from .threads import limit_threads
 
 __all__ = [
+    "EFFECTS",
     "MAX_ALBEDO",
     "AreaLight",
     "Cancelled",
