@@ -245,9 +245,9 @@ def test_light_that_spreads_over_more_and_more_particles_converges():
 
 
 def test_more_particles_than_memory_can_pair_are_refused_in_one_line():
+    # Something in the way, so that there is a bit to keep for each pair.
+    room = fmm_core.Scene([*CUBE, *(0.5 * CUBE[:, ::-1] + 0.2)], 0.5, 1.0)
     with pytest.raises(fmm_core.Error, match=r"particles: the direct method with \d+ of them takes \d+ GiB"):
-        # Something in the way, so that there is a bit to keep for each pair.
-        room = fmm_core.Scene([*CUBE, *(0.5 * CUBE[:, ::-1] + 0.2)], 0.5, 1.0)
         fmm_core.solve(room, fmm_core.Settings(method="direct", particles=2_000_000))
 
 

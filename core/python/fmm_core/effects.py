@@ -26,8 +26,11 @@ def plan(scene: Scene, settings: Settings) -> dict[str, Effect]:
     Where the settings force one, its reason says so; what the scene does not have at all cannot be forced on.
     """
     decisions = (_occlusion, _interreflection, _colour, _lamps, _sky, _transparency, _two_sided)
+    # The paper's own algorithm asks rays in any scene.
+    forced = {"occlusion": True} if settings.visibility == "cells" else {}
+    forced |= settings.effects
     named = zip(EFFECTS, decisions, strict=True)
-    return {name: _forced(decide(scene), settings.effects.get(name)) for name, decide in named}
+    return {name: _forced(decide(scene), forced.get(name)) for name, decide in named}
 
 
 def planned(scene: Scene, effects: dict[str, Effect]) -> Scene:

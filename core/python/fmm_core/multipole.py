@@ -42,7 +42,7 @@ class MultipoleSpace:
         self.sums, self._settings = sums, settings
         particles = sums.particles
         self.grouping = settings.grouping or LEAF_POINTS * max(1, round(len(particles) / LEAF_PARTICLES))
-        if settings.grouping is None and settings.level is None and sums.occlusion is None:
+        if settings.grouping is None and settings.level is None and not sums.keeps_energy:
             self.grouping = choose_grouping(particles.positions, particles.normals, settings)
         self.counts: dict[str, int] = {}
         self.pairs = (0, 0, 0)
