@@ -104,12 +104,12 @@ class Settings:
 
     def _check_effects(self) -> None:
         if not isinstance(self.effects, Mapping):
-            raise Error(f"effects: expected names with True or False, got {self.effects!r}")
+            raise Error(f"effects: expected names with True or False, got {_shown(self.effects)}")
         for name, wanted in self.effects.items():
             if name not in EFFECTS:
-                raise Error(f"effects: expected one of {', '.join(EFFECTS)}, got {name!r}")
+                raise Error(f"effects: expected one of {', '.join(EFFECTS)}, got {_shown(name)}")
             if not isinstance(wanted, bool):
-                raise Error(f"effects: expected True or False for {name}, got {wanted!r}")
+                raise Error(f"effects: expected True or False for {name}, got {_shown(wanted)}")
 
     def _check_integer(self, name: str, low: int, high: int) -> None:
         value = getattr(self, name)
