@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import fmm_core
 import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
@@ -53,3 +54,12 @@ def test_fitted_colours_are_nearer_to_the_light_on_the_faces_than_those_at_verti
     rows = json.loads(done.stdout)
     assert len(rows) == 2
     assert all(0 < row["fit_l2_error"] < 0.85 * row["points_l2_error"] < 0.1 for row in rows)
+
+
+def test_effects_are_compared_with_and_without():
+    done = run("effects", "--json")
+    assert done.returncode == 0, done.stderr
+    rows = {row["effect"]: row for row in json.loads(done.stdout)}
+    assert list(rows) == list(fmm_core.EFFECTS)
+    assert rows["occlusion"]["rays_without"] == 0 < rows["occlusion"]["rays_with"]
+    assert rows["sky"]["rays_without"] < rows["sky"]["rays_with"]
