@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Diffuse global illumination (radiosity) by a fast multipole method, without any Blender in it."""
 
+from .effects import plan
 from .errors import Cancelled, Error
 from .evaluation import OutputPoints, output_points
 from .fit import Sight, VertexFit
@@ -35,5 +36,6 @@ __all__ = [
     "VertexFit",
     "limit_threads",
     "output_points",
+    "plan",
     "solve",
 ]
