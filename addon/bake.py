@@ -111,15 +111,7 @@ def compute(
     """
     arrays, warnings = data.arrays, list(data.warnings)
     progress = memory.limited(progress, data.memory_limit)
-    scene = fmm_core.Scene(
-        arrays.triangles,
-        arrays.albedo,
-        arrays.emission,
-        arrays.two_sided,
-        arrays.opacity,
-        lights=arrays.lights,
-        sky=arrays.sky,
-    )
+    scene = scene_of(arrays)
     solution = None if session is None else session.solution
     if solution is not None and _serves(solution, scene, settings, data.kept):
         sky = fmm_core.Sky(0.0) if arrays.sky is None else arrays.sky
@@ -151,6 +143,19 @@ def compute(
     _save(solution.kept, data.kept, warnings)
     colours = colours_of(arrays, irradiance[points.inverse], data.output.content)
     return Result(arrays, data.output, colours, solution, data.seconds, tuple(warnings))
+
+
+def scene_of(arrays: export.SceneArrays) -> fmm_core.Scene:
+    """The scene as the core takes it."""
+    return fmm_core.Scene(
+        arrays.triangles,
+        arrays.albedo,
+        arrays.emission,
+        arrays.two_sided,
+        arrays.opacity,
+        lights=arrays.lights,
+        sky=arrays.sky,
+    )
 
 
 def _serves(solution: fmm_core.Solution, scene: fmm_core.Scene, settings: fmm_core.Settings, kept: Path | None) -> bool:
