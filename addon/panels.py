@@ -79,7 +79,7 @@ class _Output:
         _draw_settings(self.layout, context, "scope", "content", "colours", "attribute_name", "domain", "byte")
         if context.scene.fmm_radiosity.byte:
             _draw_settings(self.layout, context, "exposure")
-        _draw_settings(self.layout, context, "keep_visibility")
+        _draw_settings(self.layout, context, "directional", "keep_visibility")
 
 
 class FMM_RADIOSITY_PT_bake(_InSidebar, _Bake, bpy.types.Panel):

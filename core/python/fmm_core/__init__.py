@@ -5,6 +5,7 @@ from .effects import plan
 from .errors import Cancelled, Error
 from .evaluation import OutputPoints, output_points
 from .fit import Sight, VertexFit
+from .harmonics import irradiance_of, matched
 from .kept import KeptVisibility
 from .lights import AreaLight, Light, PointLight, SpotLight, SunLight
 from .opacity import Opacity
@@ -34,7 +35,9 @@ __all__ = [
     "SpotLight",
     "SunLight",
     "VertexFit",
+    "irradiance_of",
     "limit_threads",
+    "matched",
     "output_points",
     "plan",
     "solve",
