@@ -60,7 +60,8 @@ def predict(vertices: int, settings: fmm_core.Settings, fitted: bool, pace: floa
         # Half of all pairs face each other, and of two particles one asks for both.
         rays = particles * (_SAMPLES * vertices if fitted else vertices) / 2 + particles**2 / 4
     else:
-        rays = _RAYS_PER_RAY * settings.rays * (vertices * (_FIT_RAYS if fitted else 1) + _PARTICLE_SHARE * particles)
+        each = _RAYS_PER_RAY * settings.begin().rays
+        rays = each * (vertices * (_FIT_RAYS if fitted else 1) + _PARTICLE_SHARE * particles)
     pace *= 1 + _MEASURING if settings.probes else 1
     seconds = pace * (_LEAST_SECONDS + rays / (_RATE * (os.cpu_count() or 1)))
     return Cost(vertices, round(rays), seconds, round(_LEAST_MIB + _KIB * vertices / 1024))

@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import bpy
 import fmm_core
+from fmm_core.settings import PROBES, RAYS, TRUNCATION
 
 from . import attributes
-
-_DEFAULTS = fmm_core.Settings()
 
 
 class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
@@ -18,7 +17,7 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
         name="Truncation p",
         description="How finely light from far away is summed up: 2 is quick, 4 is right for most scenes, 8 is exact "
         "beyond what is seen. A number, the order at which the expansions are cut",
-        default=_DEFAULTS.truncation,
+        default=TRUNCATION,
         min=0,
         soft_min=2,
         soft_max=10,
@@ -45,7 +44,7 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
         name="Rays per Colour",
         description="About how many shadow rays each colour is found with. Four times as many take about three times "
         "as long and halve the grain",
-        default=_DEFAULTS.rays,
+        default=RAYS,
         min=10,
         soft_min=50,
         soft_max=5000,
@@ -53,8 +52,8 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
     )
     target_error: bpy.props.FloatProperty(
         name="Target Error",
-        description="Error that is good enough, as a share of the light: 0.01 is one percent. 0 uses the other "
-        "settings as they are",
+        description="Error that is good enough, as a share of the light: 0.01 is one percent. It chooses truncation, "
+        "rays and light points, and may bake several times to meet it. 0 uses the other settings as they are",
         default=0.0,
         min=0.0,
         soft_max=0.1,
@@ -127,12 +126,6 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
         ),
         default="FIT",
     )
-    directional: bpy.props.BoolProperty(
-        name="Directional",
-        description="Also write where the light comes from, as four spherical harmonics in the attributes SH 0 to SH "
-        "3, for engines that light normal maps with it",
-        default=False,
-    )
     domain: bpy.props.EnumProperty(
         name="Domain",
         description="Where the colours are kept",
@@ -168,25 +161,20 @@ def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Setting
         "particles": own.particles or None,
         "rays": own.rays,
         "target_error": own.target_error or None,
-        "probes": _DEFAULTS.probes if own.measure else 0,
+        "probes": PROBES if own.measure else 0,
         "effects": dict.fromkeys(own.without, False),
     }
+    if overrides.get("target_error", own.target_error):
+        values |= {"truncation": None, "rays": None}
     return fmm_core.Settings(**(values | overrides))
 
 
-def output_of(scene: bpy.types.Scene, **overrides: object) -> attributes.Output:
-    """What a bake of a scene writes; keyword arguments go first."""
+def output_of(scene: bpy.types.Scene, colours: str | None = None) -> attributes.Output:
+    """What a bake of a scene writes; colours in place of the scene's own."""
     own = scene.fmm_radiosity
-    values = {
-        "name": own.attribute_name,
-        "content": own.content,
-        "domain": own.domain,
-        "byte": own.byte,
-        "exposure": own.exposure,
-        "colours": own.colours,
-        "directional": own.directional,
-    }
-    return attributes.Output(**(values | overrides))
+    return attributes.Output(
+        own.attribute_name, own.content, own.domain, own.byte, own.exposure, colours or own.colours
+    )
 
 
 def register() -> None:

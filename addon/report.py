@@ -16,24 +16,24 @@ PHASES = {
     "total": "All Together",
 }
 
-#: Errors below this one are of no interest.
-_LEAST = 1e-4
-
 
 def percent(share: float) -> str:
     """A share as percent with two digits, or all that there are before the point."""
     return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:,.0f} %"
 
 
-def typical(error: dict) -> str:
-    """The measured error, or what it is below where it is too small to be told."""
-    return percent(error["measured_rms"]) if error["low"] else f"below {percent(max(error['high'], _LEAST))}"
-
-
 def measured(error: dict) -> str:
-    """The measured error with the range that it lies in, where that can be told."""
-    between = f" ({percent(error['low'])} to {percent(error['high'])})" if error["low"] else ""
-    return f"{typical(error)}{between}"
+    """The measured error with the range that it lies in, or what it is below where it is too small to be told."""
+    if not error["low"]:
+        return f"below {percent(error['high'])}"
+    return f"{percent(error['measured_rms'])} ({percent(error['low'])} to {percent(error['high'])})"
+
+
+def _round(tried: dict) -> str:
+    """Settings that were tried to meet the target error, and what they came to."""
+    grouping = "" if tried["grouping"] is None else f"s {tried['grouping']}, "
+    chosen = f"p {tried['truncation']}, {grouping}{tried['particles']:,} particles, {tried['rays']:,} rays"
+    return f"{tried['method']}, {chosen}: {measured(tried)} after {tried['seconds']:.2f} s"
 
 
 def summary(report: dict) -> str:
@@ -43,6 +43,10 @@ def summary(report: dict) -> str:
     text = f"{counts['output_points']:,} points from {counts['triangles']:,} triangles in {seconds:.2f} s"
     if error.get("measured_rms") is not None:
         text = f"{text}, measured error {measured(error)}"
+    if report["rounds"]:
+        chosen = report["rounds"][-1]
+        text = f"{text} in round {len(report['rounds'])}: p {chosen['truncation']}, {chosen['particles']:,} particles"
+        text = f"{text}, {chosen['rays']} rays"
     return f"{text}, visibility kept" if report["visibility_kept"] and not counts["rays"] else text
 
 
@@ -55,6 +59,8 @@ def text(report: dict) -> str:
             f"{percent(error['measured_max'])}, at {error['probes']} random points",
             "",
         ]
+    if report["rounds"]:
+        lines += ["Rounds", *(f"  {_round(tried)}" for tried in report["rounds"]), ""]
     lines += ["Seconds", *(f"  {name:<14}{report['seconds'][phase]:9.2f}" for phase, name in PHASES.items()), ""]
     lines += ["Counts", *(f"  {name.replace('_', ' '):<14}{count:>14,}" for name, count in report["counts"].items())]
     if report["peak_memory_mib"] is not None:

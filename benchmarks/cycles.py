@@ -41,6 +41,7 @@ from common import Array, Cost, Row, in_child, print_rows, relative_l2
 from cycles_bake import Mesh, bake
 from fmm_core import Scene, Settings, solve
 from fmm_core.report import peak_memory_mib
+from fmm_core.settings import RAYS
 from numpy.typing import NDArray
 from scenes import FINE, VERTICES, clutter_mesh, cornell, cornell_mesh, exact_gather, many_rays, timed_bake
 
@@ -204,7 +205,7 @@ def main() -> None:
     parser.add_argument("--samples", type=int, nargs="+", default=[16, 64, 256], help="of Cycles, one bake each")
     parser.add_argument("--threads", type=int, default=os.cpu_count(), help="of Cycles; ours takes all")
     parser.add_argument("--particles", type=int, help="of our solve; the core's choice")
-    parser.add_argument("--rays", type=int, default=Settings().rays, help="of our solve, a receiver")
+    parser.add_argument("--rays", type=int, default=RAYS, help="of our solve, a receiver")
     parser.add_argument("--sample", type=int, default=4000, help="corners at which both are judged")
     parser.add_argument("--truth-particles", type=int, help="of the radiosity that the truth is summed from")
     parser.add_argument("--truth-rays", type=int, default=2000, help="the same, where it is not by the direct method")

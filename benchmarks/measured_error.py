@@ -17,8 +17,9 @@ import numpy as np
 from common import Array, Row, print_table, write_json
 from common import parser as base_parser
 from cycles_bake import Mesh
-from fmm_core import Scene, Settings, Solution, solve
+from fmm_core import Scene, Settings, solve
 from fmm_core.reference import Reference
+from numpy.typing import NDArray
 from scenes import block, clutter, clutter_mesh, cornell, cornell_mesh, quad, sphere, subdivided
 
 Points = tuple[Array, Array]
@@ -140,12 +141,19 @@ CASES = (
 SMALL = ("room, 500 points",)
 
 
-def true_error(found: Array, points: Points, fine: Solution) -> float:
-    """Relative L2 error of irradiance (M, 3) at some of the points."""
-    rows = np.random.default_rng(1).choice(len(found), min(JUDGED, len(found)), replace=False)
+def truth(scene: Scene, points: Points) -> tuple[NDArray[np.int64], list[Array]]:
+    """Rows of some of the points, and two independent estimates (S, 3) of the irradiance there."""
+    fine = solve(scene, FINE)
+    rows = np.random.default_rng(1).choice(len(points[0]), min(JUDGED, len(points[0])), replace=False)
     reference, judged = Reference(fine.scene, fine._space.sums), (points[0][rows], points[1][rows])
-    halves = [reference.irradiance(*judged, fine.radiosity, TRUTH_RAYS, seed) for seed in (1000, 1001)]
-    squared = ((found[rows] - halves[0]) * (found[rows] - halves[1])).sum() / (halves[0] * halves[1]).sum()
+    solved = *judged, fine.radiosity, 0 * fine.radiosity, TRUTH_RAYS
+    return rows, [reference.irradiance(*solved, seed)[0] for seed in (1000, 1001)]
+
+
+def true_error(found: Array, exact: tuple[NDArray[np.int64], list[Array]]) -> float:
+    """Relative L2 error of irradiance (M, 3), as far as the truth tells."""
+    rows, (one, other) = exact
+    squared = ((found[rows] - one) * (found[rows] - other)).sum() / (one * other).sum()
     return float(np.sqrt(max(0.0, squared)))
 
 
@@ -155,7 +163,7 @@ def run(case: Case) -> Row:
     solution = solve(scene, Settings(**({"method": "fmm", "particles": 8000} | case.options)))
     found = solution.irradiance(*points)
     error, seconds = solution.report["error"], solution.report["seconds"]
-    true = true_error(found, points, solve(scene, FINE))
+    true = true_error(found, truth(scene, points))
     return {
         "name": case.name,
         "true": true,

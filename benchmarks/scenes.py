@@ -15,13 +15,14 @@ from cycles_bake import Mesh, gridded
 from fmm_core import Scene, Settings, Solution, solve
 from fmm_core.direct import DirectSpace
 from fmm_core.reference import Reference
+from fmm_core.settings import RAYS as DEFAULT_RAYS
 from numpy.typing import NDArray
 
 Points = tuple[Array, Array]
 #: Receivers at which the exact answer is summed with all rays.
 SAMPLE = 2000
 #: Rays a receiver of default settings, and of fine ones.
-RAYS = (Settings().rays, 1500)
+RAYS = (DEFAULT_RAYS, 1500)
 #: Rays over the hemisphere that a truth is found with.
 TRUTH_RAYS = 16_384
 #: Particles of a truth in which none stands for several triangles.
@@ -129,7 +130,7 @@ def exact_gather(solution: Solution, points: tuple[Array, Array]) -> Array:
 def many_rays(solution: Solution, points: Points) -> Array:
     """The same by very many rays over the hemisphere, which see what is left of a patch that another object cuts."""
     reference = Reference(solution.scene, solution._space.sums)
-    return reference.irradiance(*points, solution.radiosity, TRUTH_RAYS, 0)
+    return reference.irradiance(*points, solution.radiosity, 0 * solution.radiosity, TRUTH_RAYS, 0)[0]
 
 
 def compare(

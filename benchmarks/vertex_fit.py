@@ -14,6 +14,7 @@ import numpy as np
 from common import Array, Cost, Row, print_rows
 from cycles_bake import Mesh
 from fmm_core import OutputPoints, Settings, Solution, VertexFit, solve
+from fmm_core.settings import RAYS
 from numpy.typing import NDArray
 from scenes import cornell_mesh
 
@@ -50,7 +51,7 @@ def run(vertices: int, judged: int) -> Row:
     mesh = cornell_mesh(vertices)
     scene, output, settings = mesh.scene(), mesh.output_points(), Settings(method="fmm", probes=0)
     points, normals, corners, shares = on_faces(mesh, judged)
-    finer = solve(scene, replace(settings, rays=FINER * settings.rays))
+    finer = solve(scene, replace(settings, rays=FINER * RAYS))
     shown = ~finer._space.sums.occlusion.buried(points, normals)
     truth = finer.irradiance(points[shown], normals[shown])
     corners, shares = output.inverse[corners[shown]], shares[shown]

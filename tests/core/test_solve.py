@@ -134,7 +134,7 @@ def test_report_is_json_with_the_fixed_keys():
     assert report["seconds"]["total"] == pytest.approx(sum(v for k, v in report["seconds"].items() if k != "total"))
     assert set(report) == {
         "version", "settings", "effects", "counts", "postponement", "seconds", "peak_memory_mib", "residuals", "error",
-        "warnings", "visibility_kept",
+        "warnings", "visibility_kept", "rounds",
     }  # fmt: skip
 
 
@@ -255,11 +255,6 @@ def test_more_particles_than_memory_can_pair_are_refused_in_one_line():
 def test_solve_wants_a_scene_and_settings(arguments):
     with pytest.raises(fmm_core.Error, match="expected a Scene and Settings"):
         fmm_core.solve(*arguments)
-
-
-def test_target_error_is_named_while_it_is_not_used():
-    report = fmm_core.solve(fmm_core.Scene(CUBE, 0.5, 1.0), fmm_core.Settings(particles=100, target_error=0.01)).report
-    assert report["warnings"] == ["target_error 0.01 is not used yet"]
 
 
 def test_smooth_convex_mesh_is_lit_at_every_vertex_and_a_smooth_hollow_one_keeps_the_furnace():

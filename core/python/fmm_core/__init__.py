@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Diffuse global illumination (radiosity) by a fast multipole method, without any Blender in it."""
 
-from .effects import plan
 from .errors import Cancelled, Error
 from .evaluation import OutputPoints, output_points
 from .fit import Sight, VertexFit
-from .harmonics import irradiance_of, matched
 from .kept import KeptVisibility
 from .lights import AreaLight, Light, PointLight, SpotLight, SunLight
 from .opacity import Opacity
@@ -14,6 +12,7 @@ from .settings import EFFECTS, Settings
 from .sky import Sky
 from .solution import Solution
 from .solver import solve
+from .target import solve_at
 from .threads import limit_threads
 
 __all__ = [
@@ -35,10 +34,8 @@ __all__ = [
     "SpotLight",
     "SunLight",
     "VertexFit",
-    "irradiance_of",
     "limit_threads",
-    "matched",
     "output_points",
-    "plan",
     "solve",
+    "solve_at",
 ]

@@ -29,6 +29,8 @@ RAY_SECONDS = 7e-7
 STEPS = 4
 #: Standard deviation of the product of both estimates' noise over all probes, as a share of their squared difference.
 COMMON = 0.15
+#: Patches from which on they are so small that their mean radiosity is all that counts.
+FEW_PATCHES = 4000
 #: Samples of the probes that tell how far chance goes, and the share of them that the range holds.
 RESAMPLES, CONFIDENCE = 1000, 0.95
 
@@ -73,29 +75,18 @@ def measure(
     """
     rng = np.random.default_rng(0)
     chosen = np.sort(rng.choice(len(found), size=min(settings.probes, len(found)), replace=False))
-    points, normals, particles = points[chosen], normals[chosen], solved.space.sums.particles
-    reference, albedo = Reference(solved.scene, solved.space.sums), particles.of_triangles(solved.scene.albedo)
-    lamps = solved.lamps(points, normals)
     effort = _effort(len(chosen), *seconds)
-    rays, samples = round(effort**0.5 * PROBE_RAYS), max(1, round(effort * PARTICLE_RAYS / len(particles.areas)))
-    gathered, further = [], []
-    for half in (0, 1):
-        residual = reference.residual(solved.radiosity, samples, half) + albedo * solved.direct
-        tick(0.5 * half + 0.2)
-        missing = residual if solved.exchange is None else propagated(solved.exchange, albedo, residual)
-        tick(0.5 * half + 0.3)
-        both = reference.irradiance(points, normals, np.hstack([solved.radiosity, missing]), rays, 2 + half)
-        gathered.append(both[:, :3] + lamps)
-        further.append(both[:, 3:])
-        tick(0.5 * half + 0.5)
-    whole = np.add(gathered, further)
+    rays, samples = round(effort**0.5 * PROBE_RAYS), round(effort * PARTICLE_RAYS)
+    gathered, further, traced = estimates(points[chosen], normals[chosen], solved, rays, samples, tick)
+    whole = gathered + further
     errors = found[chosen] - whole
     scale = (whole[0] * whole[1]).sum(axis=1).mean()
     scale = scale if scale > 0 else 1.0
     of_gather = np.prod(found[chosen] - gathered, axis=0).sum(axis=1) / scale
     of_radiosity = np.prod(errors, axis=0).sum(axis=1) / scale - of_gather
-    # What the estimate of the radiosity's error is off by is much the same at all probes.
-    noise = COMMON * ((further[0] - further[1]) ** 2).sum(axis=1).mean() / scale
+    # What the estimate of the radiosity's error is off by is much the same at all probes, but where their rays go on.
+    few = len(solved.space.sums.particles.areas) < FEW_PATCHES
+    noise = 0.0 if few else COMMON * ((further[0] - further[1]) ** 2).sum(axis=1).mean() / scale
     picked = rng.integers(0, len(chosen), (RESAMPLES, len(chosen)))
     part = of_radiosity[picked].mean(axis=1) + rng.normal(0.0, noise, RESAMPLES)
     # The part that is noise if anything: it counts as far as it stands out.
@@ -112,9 +103,33 @@ def measure(
         "measured_max": float(np.linalg.norm(errors.mean(axis=0), axis=1).max() / np.sqrt(scale)),
         "gathered": _root(of_gather.mean()),
         "probes": len(chosen),
-        "rays": reference.rays,
+        "rays": traced,
         "bound": nearest_bound(settings.truncation, settings.separation) if multipole else None,
     }
+
+
+def estimates(
+    points: Points, normals: Points, solved: Solved, rays: int, samples: int, tick: Tick = silent
+) -> tuple[Points, Points, int]:
+    """Two independent estimates of the irradiance (2, M, 3) from what was solved, and of what that lacks, and how many
+    rays it took: so many of each kind for each point, and so many from all surfaces together.
+    """
+    particles = solved.space.sums.particles
+    reference, albedo = Reference(solved.scene, solved.space.sums), particles.of_triangles(solved.scene.albedo)
+    lamps, each = solved.lamps(points, normals), max(1, round(samples / len(particles.areas)))
+    # Few patches are large: what varies over one of them is seen from near by. It is also what makes the noise.
+    direct = solved.direct if len(particles.areas) < FEW_PATCHES else None
+    gathered, further = [], []
+    for half in (0, 1):
+        residual = reference.residual(solved.radiosity, each, half) + albedo * solved.direct
+        tick(0.5 * half + 0.2)
+        missing = residual if solved.exchange is None else propagated(solved.exchange, albedo, residual)
+        tick(0.5 * half + 0.3)
+        found = reference.irradiance(points, normals, solved.radiosity, missing, rays, 2 + half, direct)
+        gathered.append(found[0] + lamps)
+        further.append(found[1])
+        tick(0.5 * half + 0.5)
+    return np.array(gathered), np.array(further), reference.rays
 
 
 def propagated(exchange: Operator, albedo: Points, residual: Points) -> Points:

@@ -28,6 +28,12 @@ class Exchange:
         self.operator: Operator | None = None
         self._lit = self._receivers()
 
+    def use(self, settings: Settings) -> None:
+        """Gathers with other settings from now on; what the particles send to each other stays."""
+        self._settings = settings
+        if isinstance(self.space, MultipoleSpace):
+            self.space.use(settings)
+
     def block(self, scene: Scene, kept: KeptVisibility | None) -> bool:
         """Gives lamps and sky shadows where the scene had been solved without any; whether that was so."""
         if self.space.sums.occlusion is not None:

@@ -30,6 +30,7 @@ LEAST_RAYS = 10.0
 class MultipoleSpace:
     """Operators by the fast multipole method; see `transport.Space`.
 
+    settings   with nothing left open
     grouping   the s in use, chosen by the cost model where the settings leave it open
     counts     how much work the exchange does, by pass
     pairs      pairs of boxes that see each other as a whole, that were postponed because they may not, and that do not
@@ -39,7 +40,7 @@ class MultipoleSpace:
     """
 
     def __init__(self, sums: Sums, settings: Settings) -> None:
-        self.sums, self._settings = sums, settings
+        self.sums, self.settings = sums, settings
         particles = sums.particles
         self.grouping = settings.grouping or LEAF_POINTS * max(1, round(len(particles) / LEAF_PARTICLES))
         if settings.grouping is None and settings.level is None and not sums.keeps_energy:
@@ -50,12 +51,14 @@ class MultipoleSpace:
         self._gathered: tuple[Points, Points, float, Operator] | None = None
         self.lit: NDArray[np.bool_] | None = None
 
+    def use(self, settings: Settings) -> None:
+        """Gathers with other settings from now on."""
+        self.settings, self._gathered = settings, None
+
     def exchange(self, tick: Tick = silent) -> Operator:
         tick(0.0)
         points, normals = self.sums.particles.positions, self.sums.particles.normals
-        fmm, correction = self._fmm(
-            None, points, normals, particle_rays(self._settings, len(self.sums.particles)), tick
-        )
+        fmm, correction = self._fmm(None, points, normals, particle_rays(self.settings, len(self.sums.particles)), tick)
         self.counts, self.pairs = fmm.counts(), fmm.outcomes()
         operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
         if self.sums.keeps_energy:
@@ -75,7 +78,7 @@ class MultipoleSpace:
     ) -> Points:
         if len(points) == 0:
             return np.zeros((0, radiosity.shape[1]))
-        rays = max(LEAST_RAYS, effort * self._settings.rays)
+        rays = max(LEAST_RAYS, effort * self.settings.rays)
         if self._gathered is None or not _same(self._gathered, points, normals, rays):
             fmm, correction = self._fmm((points, normals), points, normals, rays, tick)
             operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
@@ -90,7 +93,7 @@ class MultipoleSpace:
         """The sum at the targets, None for the particles themselves, by about so many rays each, and what
         corrects it near patches.
         """
-        particles, settings = self.sums.particles, self._settings
+        particles, settings = self.sums.particles, self.settings
         occlusion = self.sums.occlusion
         fmm = _binding.Fmm(
             (particles.positions, particles.normals),
@@ -102,7 +105,7 @@ class MultipoleSpace:
             settings.separation,
             settings.expansion_in_use,
             emitters=particles.emits,
-            scene=occlusion.triangles if occlusion and self._settings.visibility == "rays" else None,
+            scene=occlusion.triangles if occlusion and self.settings.visibility == "rays" else None,
         )
         tick(0.1)
         start = time.perf_counter()
@@ -116,7 +119,7 @@ class MultipoleSpace:
     def _occlude(self, fmm: _binding.Fmm, points: int, rays: float, tick: Tick) -> bool:
         """Reduces the lists of a sum to visible ones; false where nothing can be in the way."""
         particles, occlusion = self.sums.particles, self.sums.occlusion
-        if occlusion is not None and self._settings.visibility == "cells":
+        if occlusion is not None and self.settings.visibility == "cells":
             occlusion.find_cells(fmm, tick)
             return True
         if fmm.n_blockers() == 0:

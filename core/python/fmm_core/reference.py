@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from .particles import NO_PATCH, Particles
 from .scene import Scene
 from .transport import Sums
-from .visibility import Occlusion
+from .visibility import Met, Occlusion
 
 Points = NDArray[np.float64]
 
@@ -48,23 +48,53 @@ class Reference:
     def rays(self) -> int:
         return self._occlusion.rays
 
-    def irradiance(self, points: Points, normals: Points, radiosity: Points, rays: int, seed: int) -> Points:
-        """(M, 3 k) W/m^2 at points with normals (M, 3) from the particles' radiosity, by so many rays of each kind for
-        each point. Another seed gives an independent estimate.
+    def irradiance(
+        self,
+        points: Points,
+        normals: Points,
+        radiosity: Points,
+        missing: Points,
+        rays: int,
+        seed: int,
+        direct: Points | None = None,
+    ) -> Points:
+        """(2, M, 3) W/m^2 at points with normals (M, 3), by so many rays of each kind for each point: from the
+        radiosity (N, 3) of the particles, and from what that lacks (N, 3). Another seed: an independent estimate.
 
-        radiosity   (N, 3 k), the first three columns with the emission of the scene, others without any
+        direct   (N, 3) irradiance of the particles from lamps and sky, or None. If it is given, each ray goes on to
+        find what leaves the very place that it meets, where the particle only knows the mean over its patch.
         """
-        found = np.empty((len(points), radiosity.shape[1]))
+        found = np.empty((2, len(points), 3))
+        both = np.hstack([radiosity, missing])
 
         def block(rows: slice) -> int:
             rng = np.random.default_rng([seed, rows.start])
             of_rays = (np.repeat(values[rows], rays, axis=0) for values in (points, normals))
-            received, traced = self._received(*of_rays, *_evenly(normals[rows], rays, rng), radiosity, rng)
-            found[rows] = received.reshape(-1, rays, received.shape[1]).mean(axis=1)
+            received, met, traced = self._received(*of_rays, *_evenly(normals[rows], rays, rng), both, rng)
+            if direct is not None:
+                hit = np.flatnonzero(met.particles >= 0)
+                sent, more = self._sent(met, hit, both, direct, rng)
+                received[hit, 3:] = sent - radiosity[met.particles[hit]]
+                traced += more
+            received = received.reshape(-1, rays, 6).mean(axis=1)
+            found[:, rows] = received[:, :3], received[:, 3:]
             return traced
 
         self._occlusion.run_blocks(block, len(points), RAYS_PER_BLOCK // rays)
         return found
+
+    def _sent(
+        self, met: Met, hit: NDArray[np.int64], both: Points, direct: Points, rng: np.random.Generator
+    ) -> tuple[Points, int]:
+        """One sample (K, 3) of what leaves the places met by the rays `hit` (K,), and the number of rays traced."""
+        particles, places = self._particles, (met.positions[hit], met.normals[hit])
+        received, _, traced = self._received(*places, *_evenly(places[1], 1, rng), both, rng)
+        chosen = met.particles[hit]
+        # Of two triangles at one place the one that the particle is on.
+        whole = particles.whole[chosen // particles.per_patch]
+        owners = np.where(whole, particles.triangle[chosen], met.triangles[hit])
+        received = received[:, :3] + received[:, 3:] + direct[chosen]
+        return self._scene.emission[owners] + self._scene.albedo[owners] * received, traced
 
     def residual(self, radiosity: Points, samples: int, seed: int) -> Points:
         """(N, 3) by how much emission + albedo * irradiance exceeds the radiosity (N, 3) on average over what each
@@ -77,7 +107,7 @@ class Reference:
             rng = np.random.default_rng([seed, rows.start])
             triangles, points, normals = self._places.random(rows, samples, rng)
             directions, at = _evenly(normals[::samples], samples, rng)
-            received, traced = self._received(points, normals, directions, at, radiosity, rng)
+            received, _, traced = self._received(points, normals, directions, at, radiosity, rng)
             sent = scene.emission[triangles] + scene.albedo[triangles] * received
             of_patches[rows] = sent.reshape(-1, samples, 3).mean(axis=1)
             return traced
@@ -96,16 +126,17 @@ class Reference:
         at: Points,
         radiosity: Points,
         rng: np.random.Generator,
-    ) -> tuple[Points, int]:
-        """One sample (K, 3 k) of what each point receives, and the number of rays traced.
+    ) -> tuple[Points, Met, int]:
+        """One sample (K, 3 k) of what each point receives, what its ray meets, and the number of rays traced.
 
-        directions (K, 3) even by cosine; at (K,) even in [0, 1), chooses among the emitters.
+        directions (K, 3) even by cosine; at (K,) even in [0, 1), chooses among the emitters; radiosity (N, 3 k), of
+        which the first three columns have the emission of the scene, and others none.
         """
         scene, particles = self._scene, self._particles
         met = self._occlusion.met(points, normals, directions, self._surface)
         received = np.where(met.particles[:, None] >= 0, radiosity[met.particles], 0.0)
         if len(self._emitters) == 0:
-            return received, len(points)
+            return received, met, len(points)
         lit = np.flatnonzero(self._density[met.particles] > 0)
         share = self._share(points[lit], normals[lit], met.positions[lit], met.normals[lit], met.particles[lit])
         received[lit, :3] -= (1 - share)[:, None] * scene.emission[particles.triangle[met.particles[lit]]]
@@ -119,7 +150,7 @@ class Reference:
         if scene.opacity is not None:
             share[seen] *= scene.opacity.mean[triangles]
         received[seen, :3] += share[seen, None] * scene.emission[triangles]
-        return received, len(points) + len(asked)
+        return received, met, len(points) + len(asked)
 
     def _share(
         self, points: Points, normals: Points, ends: Points, end_normals: Points, particles: NDArray[np.int64]

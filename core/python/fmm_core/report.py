@@ -24,27 +24,33 @@ COUNTS = (
     "pairs_partial",
     "pairs_invalid",
     "rays",
-    "directed_rays",
 )
 
 #: What `accuracy.measure` finds.
 ERROR = ("measured_rms", "low", "high", "measured_max", "gathered", "probes", "rays", "bound")
 
 
+def unmeasured() -> dict[str, Any]:
+    """An error of which nothing is known."""
+    return dict.fromkeys(ERROR) | {"probes": 0, "rays": 0}
+
+
 class Report:
     """Collects counts, seconds, residuals and warnings while a scene is solved and baked."""
 
     def __init__(self, settings: Settings, scene: Scene, effects: dict[str, Effect]) -> None:
-        self._settings, self.effects = settings, effects
+        self.settings, self.effects = settings, effects
         self.counts = dict.fromkeys(COUNTS, 0)
         self.seconds = dict.fromkeys(PHASES, 0.0)
         self.residuals: list[float] = []
-        self.error: dict[str, Any] = dict.fromkeys(ERROR) | {"probes": 0, "rays": 0}
+        self.error = unmeasured()
         self.postponement: float | None = None
         #: Rays that other solutions of the same scene had traced before.
         self.traced = 0
         #: Whether anything that rays had found was kept from an earlier solve.
         self.kept = False
+        #: What was tried to meet the target error, one after the other; see `Solution.irradiance`.
+        self.rounds: list[dict[str, Any]] = []
         self.warnings = list(scene.warnings)
 
     @contextmanager
@@ -56,11 +62,18 @@ class Report:
         finally:
             self.seconds[phase] += time.perf_counter() - start
 
+    def follow(self, earlier: dict[str, Any]) -> None:
+        """Adds the seconds, rays and rounds of an earlier report of the same bake."""
+        for phase in PHASES:
+            self.seconds[phase] += earlier["seconds"][phase]
+        self.traced -= earlier["counts"]["rays"]
+        self.rounds = [*earlier["rounds"], *self.rounds]
+
     def as_dict(self) -> dict[str, Any]:
         """Plain values, ready for json."""
         return {
             "version": VERSION,
-            "settings": asdict(self._settings),
+            "settings": asdict(self.settings),
             "effects": {name: asdict(effect) for name, effect in self.effects.items()},
             "counts": dict(self.counts),
             "postponement": self.postponement,
@@ -69,6 +82,7 @@ class Report:
             "peak_memory_mib": peak_memory_mib(),
             "residuals": list(self.residuals),
             "error": dict(self.error),
+            "rounds": [dict(round) for round in self.rounds],
             "warnings": list(self.warnings),
         }
 

@@ -4,7 +4,7 @@
 import math
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Integral, Real
 
 from .errors import Error
@@ -17,22 +17,34 @@ EXPANSIONS = ("whole", "paper", "compressed")
 #: Setting up the compressed expansion takes p^9 steps.
 MAX_COMPRESSED = 8
 VISIBILITIES = ("rays", "cells")
+#: Order of the expansions and rays of a receiver where the settings leave them open.
+TRUNCATION, RAYS = 4, 200
+#: Random points that tell the error.
+PROBES = 300
+#: The error of the default rays in rooms of all kinds, and the power of the rays by which errors fall.
+USUAL_ERROR, POWER = 0.006, 2 / 3
+#: Least and most rays that a target error asks for, and truncations for targets from so large on.
+LEAST_RAYS, MOST_RAYS = 20, 20_000
+TRUNCATIONS = ((0.03, 2), (0.015, 3), (0.0075, 4), (0.003, 5), (0.0, 6))
 
 
 @dataclass(frozen=True)
 class Settings:
     """Settings of a solve; a wrong value raises `Error` naming the option and the value.
 
-    truncation      order p at which expansions are cut, 0 to 20 (section 2.2 of the paper)
+    truncation      order p at which expansions are cut, 0 to 20 (section 2.2 of the paper); None: 4, or what the target
+                    error asks for
     grouping        at most s particles in a leaf of the octree, 1 or more (section 4, step 1), or None to choose s
                     by the number of particles, and where there are no shadows by the cost model
-    target_error    wanted relative error of the irradiance, between 0 and 1, or None
+    target_error    wanted relative error of the irradiance at the points asked for first, between 0 and 1, or None. It
+                    chooses truncation, rays and particles as far as they are None, and raises them until the measured
+                    error meets it
     method          "fmm": the fast multipole method; "direct": every particle with every other one, the reference;
                     None: direct where there are few particles, which takes no longer there
     visibility      "rays": shadows; "cells": the paper's own algorithm, of the fast multipole method only, with shadows
                     as coarse as the leaves of the octree
     rays            about how many rays the fast multipole method traces from each receiver; the error falls with their
-                    number. The direct method traces one for each pair
+                    number. The direct method traces one for each pair. None: 200, or what the target error asks for
     expansion       "whole": the kernel as one tensor; "compressed": the same in fewer numbers, which take longer to set
                     up at high p; "paper": eq 4 to 11; None: compressed up to p = 6, whole above
     separation      boxes up to k boxes apart count as near (section 7 of the paper)
@@ -53,12 +65,12 @@ class Settings:
     probes          random points whose irradiance is also summed directly, to measure the error; 0 for none
     """
 
-    truncation: int = 4
+    truncation: int | None = None
     grouping: int | None = None
     target_error: float | None = None
     method: str | None = None
     visibility: str = "rays"
-    rays: int = 200
+    rays: int | None = None
     expansion: str | None = None
     separation: int = 1
     level: int | None = None
@@ -68,18 +80,30 @@ class Settings:
     iteration: str = "krylov"
     tolerance: float = 1e-4
     max_iterations: int = 1000
-    probes: int = 300
+    probes: int = PROBES
     effects: Mapping[str, bool] = field(default_factory=dict)
 
     @property
     def expansion_in_use(self) -> str:
         """The expansion, chosen by p where it was left open."""
-        return self.expansion or ("compressed" if self.truncation <= 6 else "whole")
+        return self.expansion or ("compressed" if (self.truncation or 0) <= 6 else "whole")
+
+    def begin(self) -> "Settings":
+        """The same with what is left open filled in, by the target error if there is one; see `target.solve_at`."""
+        truncation, rays, probes = TRUNCATION, RAYS, self.probes
+        if self.target_error is not None:
+            truncation = next(p for least, p in TRUNCATIONS if self.target_error >= least)
+            rays = round(RAYS * (USUAL_ERROR / self.target_error) ** (1 / POWER))
+            rays, probes = min(MOST_RAYS, max(LEAST_RAYS, rays)), probes or PROBES
+        return replace(
+            self,
+            truncation=truncation if self.truncation is None else self.truncation,
+            rays=rays if self.rays is None else self.rays,
+            probes=probes,
+        )
 
     def __post_init__(self) -> None:
-        self._check_integer("truncation", 0, 20)
         self._check_integer("separation", 1, 8)
-        self._check_integer("rays", 10, 100_000)
         self._check_integer("probes", 0, 1 << 20)
         self._check_integer("max_iterations", 1, 1 << 20)
         self._check_real("tolerance", 1e-12, 0.5)
@@ -94,12 +118,19 @@ class Settings:
             self._check_real("near_reach", 1.0, 1e3)
         if self.target_error is not None:
             self._check_real("target_error", 1e-6, 1.0)
-        for name, low, high in (("grouping", 1, 1 << 20), ("level", 0, 8), ("particles", 1, 1 << 31)):
+        optional = {
+            "truncation": (0, 20),
+            "grouping": (1, 1 << 20),
+            "rays": (10, 100_000),
+            "level": (0, 8),
+            "particles": (1, 1 << 31),
+        }
+        for name, (low, high) in optional.items():
             if getattr(self, name) is not None:
                 self._check_integer(name, low, high)
         if not isinstance(self.quadrature, Integral | None) or self.quadrature not in (None, 1, 2, 4, 5):
             raise Error(f"quadrature: expected 1, 2, 4 or 5, got {_shown(self.quadrature)}")
-        if self.expansion == "compressed" and self.truncation > MAX_COMPRESSED:
+        if self.expansion == "compressed" and (self.truncation or 0) > MAX_COMPRESSED:
             raise Error(f"truncation: the compressed expansion goes up to {MAX_COMPRESSED}, got {self.truncation}")
 
     def _check_effects(self) -> None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The solved scene: irradiance anywhere, and the report."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -15,27 +16,24 @@ from .effects import plan, planned
 from .errors import Error, memory_errors
 from .exchange import Exchange
 from .fit import Sight, VertexFit
-from .harmonics import Tilted
-from .incident import Incident
 from .kept import KeptVisibility
 from .lights import Light
+from .multipole import MultipoleSpace
 from .particles import Particles, serve
 from .progress import Progress, Tick, ticker
-from .report import Report
+from .report import Report, unmeasured
 from .scene import Scene
 from .settings import Settings
 from .sky import Sky
 
 Points = NDArray[np.float64]
 
-#: What is going on, for whoever waits.
-DIRECTING = "Finding where light comes from"
-
 
 class Solution:
     """Solved radiosity of a scene.
 
     scene, settings   what was asked for and how
+    used              the settings with nothing left open
     radiosity         (N, 3) at the particles, W/m^2
     kept              the kept visibility that `solve` was given, or None
     """
@@ -45,18 +43,19 @@ class Solution:
         scene: Scene,
         planned: Scene,
         settings: Settings,
+        used: Settings,
         exchange: Exchange,
         radiosity: NDArray[np.float64],
         report: Report,
         kept: KeptVisibility | None,
         first: Scene,
     ) -> None:
-        self.scene, self.settings = scene, settings
+        """planned: what is left of the scene by the plan; first: the scene whose lights the particles were made for."""
+        self.scene, self.settings, self.used = scene, settings, used
         # (N, C), as it was solved.
         self._radiosity = radiosity
         self.radiosity = radiosity if radiosity.shape[1] == 3 else np.repeat(radiosity, 3, axis=1)
         self.kept = kept
-        # What is left of the scene by the plan, and the scene whose lights the particles were made for.
         self._planned, self._first = planned, first
         self._exchange, self._space, self._report, self._relit = exchange, exchange.space, report, False
         # The points that were asked for last, under lamps and sky.
@@ -72,7 +71,10 @@ class Solution:
         A point on an edge lies on several surfaces and may be blocked by any of them: step it inside first.
         progress(fraction, text) as in `solve`. Raises `Error` naming the row on a shape or value that is wrong.
         """
-        points, normals = self._receivers(points, normals)
+        points, normals = finite_rows("points", points), unit_rows("normals", normals)
+        if len(points) != len(normals):
+            raise Error(f"normals: expected {len(points)} rows like points, got {len(normals)}")
+        points = points - self.scene.origin
         with memory_errors(), self._report.time("evaluate"):
             irradiance = np.zeros_like(points)
             if self.radiosity.any():
@@ -81,10 +83,12 @@ class Solution:
             irradiance += self._direct(points, normals, effort, ticker(progress, 0.7, 0.8, LIGHTING))
         self._report.counts["output_points"] = len(points)
         # Once a solve, and not where it shall trace no ray.
-        if self.settings.probes > 0 and len(points) > 0 and not self._relit and not self._report.error["probes"]:
+        if self.used.probes > 0 and len(points) > 0 and not self._relit and not self._report.error["probes"]:
             tick = ticker(progress, 0.8, 1.0, "Measuring the error")
             with memory_errors(), self._report.time("accuracy"):
                 self._report.error = self._measured(irradiance, points, normals, tick)
+            if self.used.target_error is not None:
+                self._report.rounds.append(self._round())
         # Expansions and corrections may leave a little less than nothing in the dark.
         irradiance = np.maximum(irradiance, 0.0)
         self._report.counts["rays"] = self._space.sums.rays - self._report.traced
@@ -99,32 +103,11 @@ class Solution:
         self._report.counts["rays"] = self._space.sums.rays - self._report.traced
         return found
 
-    def harmonics(self, points: ArrayLike, normals: ArrayLike, progress: Progress | None = None) -> Points:
-        """Four spherical harmonics (M, 4, 3) of the light at points (M, 3) with normals (M, 3), see `harmonics.py`.
-
-        They are found by rays, also where nothing is in the way and after `relight`; `matched` gives them the
-        irradiance that was found otherwise. progress as in `solve`. Raises `Error` as `irradiance`.
-        """
-        points, normals = self._receivers(points, normals)
-        with memory_errors(), self._report.time("evaluate"):
-            incident = Incident(self._planned, self._space.sums, self.radiosity)
-            tick = ticker(progress, 0.0, 1.0, DIRECTING)
-            found = incident.gather(points, normals, Tilted(normals), self.settings.rays, tick)
-        self._report.counts["directed_rays"] += incident.rays
-        return found
-
-    def _receivers(self, points: ArrayLike, normals: ArrayLike) -> tuple[Points, Points]:
-        """Points and normals (M, 3), checked, where the scene was solved."""
-        points, normals = finite_rows("points", points), unit_rows("normals", normals)
-        if len(points) != len(normals):
-            raise Error(f"normals: expected {len(points)} rows like points, got {len(normals)}")
-        return points - self.scene.origin, normals
-
     def _direct(
         self, points: NDArray[np.float64], normals: NDArray[np.float64], effort: float, tick: Tick
     ) -> NDArray[np.float64]:
         """Irradiance (M, 3) from lamps and sky."""
-        asked = Receivers(points, normals, self._space.sums.occlusion, effort * self.settings.rays)
+        asked = Receivers(points, normals, self._space.sums.occlusion, effort * self.used.rays)
         if self._lit_points is None or not self._lit_points.same(asked):
             self._lit_points = asked
         return self._lit_points.irradiance(self._planned.lights, self._planned.sky, tick)
@@ -139,7 +122,35 @@ class Solution:
         solved = Solved(self._planned, self._space, self._exchange.operator, self.radiosity, direct, lamps)
         seconds = self._report.seconds
         application = seconds["transport"] / max(1, len(self._report.residuals))
-        return measure(irradiance, points, normals, solved, self.settings, (sum(seconds.values()), application), tick)
+        # What decides over the settings is measured as well as it can be.
+        baked = sum(seconds.values()) if self.used.target_error is None else math.inf
+        return measure(irradiance, points, normals, solved, self.used, (baked, application), tick)
+
+    def _round(self) -> dict[str, Any]:
+        multipole = isinstance(self._space, MultipoleSpace)
+        return {
+            "method": "fmm" if multipole else "direct",
+            "truncation": self.used.truncation,
+            "grouping": self._space.grouping if multipole else None,
+            "particles": self._report.counts["particles"],
+            "rays": self.used.rays,
+            "seconds": sum(self._report.seconds.values()),
+            **{name: self._report.error[name] for name in ("measured_rms", "low", "high", "gathered")},
+        }
+
+    def use(self, used: Settings) -> None:
+        """Gathers with other settings from now on, and measures the error again."""
+        self.used = self._report.settings = used
+        self._exchange.use(used)
+        self._report.error = unmeasured()
+
+    def follow(self, report: dict[str, Any]) -> None:
+        """Takes over what an earlier solve of the same bake cost and tried, as its report has it."""
+        self._report.follow(report)
+
+    def warn(self, text: str) -> None:
+        """Adds a warning to the report."""
+        self._report.warnings.append(text)
 
     def serves(self, scene: Scene) -> bool:
         """Whether `relight` with the lights and albedo of a scene does what a new solve of it would do.
@@ -168,7 +179,7 @@ class Solution:
         scene = self.scene.relit(emission, albedo, lights, sky)
         effects = plan(scene, self.settings)
         left = planned(scene, effects)
-        report = Report(self.settings, left, effects)
+        report = Report(self.used, left, effects)
         if not serve(self.particles, self._first, left):
             report.warnings.append(
                 "relight: other triangles emit, or some that share a particle differ now; a new solve is more exact"
@@ -180,7 +191,8 @@ class Solution:
             blocked = effects["occlusion"].used and self._exchange.block(left, self.kept)
             radiosity = self._exchange.radiosity(left, report, progress)
         report.counts["rays"] = self._space.sums.rays - report.traced
-        solution = Solution(scene, left, self.settings, self._exchange, radiosity, report, self.kept, self._first)
+        parts = self._exchange, radiosity, report
+        solution = Solution(scene, left, self.settings, self.used, *parts, self.kept, self._first)
         solution._lit_points, solution._relit = None if blocked else self._lit_points, True
         return solution
 

@@ -45,18 +45,25 @@ def solve(
         raise Error(f"solve: expected a Scene and Settings, got {type(scene).__name__} and {type(settings).__name__}")
     if not isinstance(kept, KeptVisibility | None):
         raise Error(f"kept: expected KeptVisibility or None, got {type(kept).__name__}")
+    return solve_with(scene, settings, settings.begin(), progress, kept)
+
+
+def solve_with(
+    scene: Scene, asked: Settings, used: Settings, progress: Progress | None, kept: KeptVisibility | None
+) -> Solution:
+    """The same with settings that leave nothing open, in place of those that were asked for."""
     with memory_errors():
-        return _solve(scene.near_origin(), settings, progress, kept)
+        return _solve(scene.near_origin(), asked, used, progress, kept)
 
 
-def _solve(whole: Scene, settings: Settings, progress: Progress | None, kept: KeptVisibility | None) -> Solution:
+def _solve(
+    whole: Scene, asked: Settings, settings: Settings, progress: Progress | None, kept: KeptVisibility | None
+) -> Solution:
     effects = plan(whole, settings)
     scene = planned(whole, effects)
     report = Report(settings, scene, effects)
     if kept is not None:
         report.warnings += kept.take(scene)
-    if settings.target_error is not None:
-        report.warnings.append(f"target_error {settings.target_error:g} is not used yet")
     triangles = len(scene.triangles)
     with report.time("visibility"):
         occlusion = Occlusion(scene, kept) if effects["occlusion"].used else None
@@ -80,4 +87,4 @@ def _solve(whole: Scene, settings: Settings, progress: Progress | None, kept: Ke
     exchange = Exchange(MultipoleSpace(sums, settings) if multipole else DirectSpace(sums), settings)
     radiosity = exchange.radiosity(scene, report, progress)
     report.counts["rays"], report.kept = sums.rays, sums.replayed > 0
-    return Solution(whole, scene, settings, exchange, radiosity, report, kept, first)
+    return Solution(whole, scene, asked, settings, exchange, radiosity, report, kept, first)

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A wanted error: what is raised where the measured error says that it is not met."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .kept import KeptVisibility
+from .progress import Progress, ticker
+from .scene import Scene
+from .settings import MOST_RAYS, POWER, Settings
+from .solution import Solution
+from .solver import solve, solve_with
+
+#: The error that is aimed at once more is needed, as a share of the target, for the gather and for the radiosity.
+AIM, AIM_RADIOSITY = 0.8, 0.5
+#: Least and largest factors by which rays and particles are raised at a time.
+LEAST, LARGEST = 1.3, 6.0
+#: The error of the gather falls below this share of what it was where more rays help.
+STUCK = 0.75
+#: What is tried at most.
+MOST_PARTICLES, MOST_TRUNCATION, MOST_ROUNDS = 300_000, 8, 6
+
+
+def solve_at(
+    scene: Scene,
+    settings: Settings,
+    points: ArrayLike,
+    normals: ArrayLike,
+    progress: Progress | None = None,
+    kept: KeptVisibility | None = None,
+    effort: float = 1.0,
+) -> tuple[Solution, NDArray[np.float64]]:
+    """`solve` and the irradiance (M, 3) at points with normals (M, 3), as `Solution.irradiance` finds it.
+
+    Where the settings have a target error, what they leave open is raised until the measured error meets it; what was
+    solved is kept where only the light at the points has to be found anew. `rounds` of the report tells what was tried,
+    and a warning tells where the target is not met, and why.
+    """
+    target = settings.target_error
+    several = target is not None
+    solution = solve(scene, settings, _part(progress, 0, several, 0.0, 0.8), kept)
+    irradiance = solution.irradiance(points, normals, _part(progress, 0, several, 0.8, 1.0), effort)
+    rounds, before = solution.report["rounds"], math.inf
+    if not rounds:
+        return solution, irradiance
+    while rounds[-1]["measured_rms"] > target and len(rounds) < MOST_ROUNDS:
+        used, last = solution.used, rounds[-1]
+        finer = better(settings, used, last, before)
+        if finer == used:
+            break
+        if finer.particles == used.particles:
+            before = last["gathered"]
+            solution.use(finer)
+        else:
+            # Two solutions at a time may be too much for the memory.
+            before, report, solution = math.inf, solution.report, None
+            solution = solve_with(scene, settings, finer, _part(progress, len(rounds), True, 0.0, 0.8), kept)
+            solution.follow(report)
+        irradiance = solution.irradiance(points, normals, _part(progress, len(rounds), True, 0.8, 1.0), effort)
+        rounds = solution.report["rounds"]
+    if rounds[-1]["measured_rms"] > target:
+        why = f"after {len(rounds)} rounds" if len(rounds) == MOST_ROUNDS else "and nothing is left to raise"
+        solution.warn(f"target_error {target:g} is not met: measured {rounds[-1]['measured_rms']:.2g} {why}")
+    ticker(progress, 0.0, 1.0, "Measuring the error")(1.0)
+    return solution, irradiance
+
+
+def better(asked: Settings, used: Settings, last: dict[str, Any], before: float) -> Settings:
+    """Settings with which the measured error comes nearer to the target; the same where nothing is left to raise.
+
+    asked   what is given there stays
+    last    the last of the rounds, as the report has it
+    before  the part of the gather in the round before if that had the same particles, else infinity
+    """
+    target, gathered, particles = asked.target_error, last["gathered"], last["particles"]
+    of_radiosity = max(0.0, last["measured_rms"] ** 2 - gathered**2) ** 0.5
+    gather, radiosity = gathered / (AIM * target), of_radiosity / (AIM_RADIOSITY * target)
+    # Rays that do not help the gather say that its sources are too coarse.
+    stuck = gathered > STUCK * before
+    wanted: dict[str, int] = {}
+    if not stuck:
+        wanted["rays"] = round(used.rays * _factor(gather))
+    if last["method"] == "direct":
+        # Rays only go to lamps and the sky there.
+        wanted["particles"] = round(particles * _factor(last["measured_rms"] / (AIM * target)))
+    else:
+        wanted["truncation"] = used.truncation + 1
+        if stuck or radiosity > 1:
+            wanted["particles"] = round(particles * _factor(max(radiosity, gather)))
+    most = {
+        "particles": MOST_PARTICLES,
+        "rays": max(MOST_RAYS, used.rays),
+        "truncation": max(MOST_TRUNCATION, used.truncation),
+    }
+    wanted = {name: min(value, most[name]) for name, value in wanted.items() if getattr(asked, name) is None}
+    if wanted.get("particles", math.inf) <= particles:
+        del wanted["particles"]
+    return replace(used, **wanted)
+
+
+def _factor(over: float) -> float:
+    return min(LARGEST, max(LEAST, over ** (1 / POWER)))
+
+
+def _part(progress: Progress | None, number: int, rounds: bool, start: float, end: float) -> Progress | None:
+    """Progress of one step; where there may be several rounds each is half of what is left."""
+    if progress is None:
+        return None
+    left = 0.5**number
+    share = left / 2 if rounds else left
+    return lambda fraction, text: progress(1 - left + share * (start + (end - start) * fraction), text)

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A target error alone chooses the settings, and the error that comes out is no larger."""
+
+import fmm_core
+import numpy as np
+import pytest
+from fmm_core.target import better
+from test_accuracy import POINTS, SCENE, exact  # noqa: F401
+
+
+def baked(**options):
+    return fmm_core.solve_at(SCENE, fmm_core.Settings(method="fmm", **options), *POINTS)
+
+
+def last(measured, gathered, method="fmm", particles=1000):
+    return {"measured_rms": measured, "gathered": gathered, "method": method, "particles": particles}
+
+
+@pytest.mark.parametrize("target", [0.03, 0.01])
+def test_the_target_is_met_with_no_other_setting(exact, target):  # noqa: F811
+    solution, found = baked(target_error=target)
+    assert np.linalg.norm(found - exact) / np.linalg.norm(exact) < 1.2 * target
+    assert solution.report["error"]["measured_rms"] <= target
+    assert not solution.report["warnings"]
+
+
+def test_a_lower_target_takes_more_rays():
+    many, few = (baked(target_error=target)[0].report for target in (0.01, 0.05))
+    assert many["settings"]["rays"] > 2 * few["settings"]["rays"]
+    assert many["counts"]["rays"] > few["counts"]["rays"]
+
+
+def test_settings_that_are_given_stay_and_a_target_that_they_forbid_is_told():
+    solution, _ = baked(target_error=0.001, rays=30, truncation=2, particles=1000, probes=0)
+    report = solution.report
+    assert [report["settings"][name] for name in ("rays", "truncation", "particles")] == [30, 2, 1000]
+    assert ["nothing is left to raise" in text for text in report["warnings"]] == [True]
+    assert report["error"]["measured_rms"] > 0.001
+
+
+def test_the_direct_method_takes_more_particles():
+    asked = fmm_core.Settings(method="direct", target_error=0.01)
+    raised = better(asked, asked.begin(), last(0.02, 0.015, method="direct"), np.inf)
+    assert raised.particles > 2000
+    assert raised.truncation == asked.begin().truncation
+
+
+def test_what_is_raised_is_what_the_error_comes_from():
+    asked = fmm_core.Settings(target_error=0.01)
+    used = asked.begin()
+    grainy = better(asked, used, last(0.03, 0.03), np.inf)
+    assert grainy.rays > 3 * used.rays
+    assert grainy.particles is None
+    coarse = better(asked, used, last(0.03, 0.004), np.inf)
+    assert coarse.particles > 2000
+    assert coarse.truncation == used.truncation + 1
+    stuck = better(asked, used, last(0.03, 0.03), 0.031)
+    assert stuck.particles > 2000
+    assert stuck.rays == used.rays
+
+
+def test_defaults_are_those_of_before_where_there_is_no_target():
+    used = fmm_core.Settings().begin()
+    assert (used.truncation, used.rays) == (4, 200)
+    assert fmm_core.Settings(truncation=7, target_error=0.01).begin().truncation == 7
