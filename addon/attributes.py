@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The only writer of Blender's meshes: one colour attribute ("Radiosity"), on all meshes of a bake or on none."""
+"""The only writer of Blender's meshes: colour attributes ("Radiosity" and more), on all meshes of a bake or on none."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 NAME = "Radiosity"
 _UNFINISHED = "Radiosity (being written)"
+#: Blender cuts longer names off.
+_LONGEST_NAME = 63
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Output:
     name: of the attribute; content: "FULL" radiance, or the "LIGHTING" or "INDIRECT" light alone; domain: "POINT" or
     "CORNER", or "AUTO" for the smaller one without loss; byte: 8 bits a channel, cut at white, in place of floats;
     exposure: stops that bytes are made brighter by; colours: "FIT" to the light on the faces, or that at the "POINTS"
-    where the vertices are
+    where the vertices are; directional: write four spherical harmonics of the light beside it
     """
 
     name: str = NAME
@@ -35,37 +37,61 @@ class Output:
     byte: bool = False
     exposure: float = 0.0
     colours: str = "FIT"
+    directional: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The attributes that are written, the main one first."""
+        return self.name, *self.harmonics
+
+    @property
+    def harmonics(self) -> tuple[str, ...]:
+        """Those of the spherical harmonics."""
+        return tuple(f"{self.name} SH {k}" for k in range(4)) if self.directional else ()
 
 
 def check(receivers: Sequence[Receiver], output: Output) -> None:
     """Raise fmm_core.Error, naming the mesh, where the attribute could not be written; to be called before a solve."""
     if not output.name or output.name.startswith("."):
         raise Error(f"'{output.name}' is no name for a colour attribute: it needs one that does not start with a dot")
+    for name in output.names:
+        if len(name.encode()) > _LONGEST_NAME:
+            raise Error(f"'{name}' is longer than the {_LONGEST_NAME} letters that the name of an attribute can have")
     for receiver in receivers:
-        _mesh_of(receiver, output.name)
+        _mesh_of(receiver, output)
 
 
-def write(receivers: Sequence[Receiver], colours: np.ndarray, output: Output) -> None:
-    """Write the corner colours of a bake, one foreach_set a mesh, and make them the active and the render colours.
+def write(receivers: Sequence[Receiver], layers: Mapping[str, np.ndarray], output: Output) -> None:
+    """Write the corner colours of a bake, one foreach_set a mesh and attribute, and make the main one active and the
+    one of renders.
 
-    colours (C,3): linear colour of every corner, in the order of the receivers. An attribute of an earlier bake is
-    replaced. Raises fmm_core.Error naming the mesh that cannot be written; every mesh is then as it was.
+    layers: linear colours (C,3) of every corner, in the order of the receivers, for each of `output.names`. Attributes
+    of an earlier bake are replaced. Raises fmm_core.Error naming the mesh that cannot be written; every mesh is then as
+    it was.
     """
-    meshes = [_mesh_of(receiver, output.name) for receiver in receivers]
+    meshes = [_mesh_of(receiver, output) for receiver in receivers]
     unfinished = []
     try:
         for mesh, receiver in zip(meshes, receivers, strict=True):
-            domain, values = layer(receiver, colours[receiver.rows], output.domain)
-            if output.byte:
-                values[:, :3] = np.minimum(values[:, :3] * 2.0**output.exposure, 1.0)
-            unfinished.append((mesh, _add(mesh, domain, output.byte)))
-            mesh.color_attributes[unfinished[-1][1]].data.foreach_set("color", values.ravel())
+            for name, colours in layers.items():
+                byte = output.byte and name == output.name
+                domain, values = layer(receiver, colours[receiver.rows], output.domain)
+                if byte:
+                    values[:, :3] = np.minimum(values[:, :3] * 2.0**output.exposure, 1.0)
+                unfinished.append((mesh, _add(mesh, domain, byte), name))
+                mesh.color_attributes[unfinished[-1][1]].data.foreach_set("color", values.ravel())
     except Exception:
-        for mesh, name in unfinished:
-            _remove(mesh, name)
+        for mesh, unnamed, _ in unfinished:
+            _remove(mesh, unnamed)
         raise
-    for mesh, name in unfinished:
-        _finish(mesh, name, output.name)
+    for mesh, unnamed, name in unfinished:
+        _remove(mesh, name)
+        mesh.color_attributes[unnamed].name = name
+    for mesh in meshes:
+        index = mesh.color_attributes.find(output.name)
+        mesh.color_attributes.active_color_index = index
+        mesh.color_attributes.render_color_index = index
+        mesh.update()
 
 
 def layer(receiver: Receiver, colours: np.ndarray, domain: str = "AUTO") -> tuple[str, np.ndarray]:
@@ -96,8 +122,8 @@ def _vertex_means(receiver: Receiver, corners: np.ndarray) -> np.ndarray:
     return points
 
 
-def _mesh_of(receiver: Receiver, name: str) -> bpy.types.Mesh:
-    """The datablock of a receiver, after checking that it still fits and that the name is free for colours."""
+def _mesh_of(receiver: Receiver, output: Output) -> bpy.types.Mesh:
+    """The datablock of a receiver, after checking that it still fits and that the names are free for colours."""
     import bpy
 
     mesh = bpy.data.meshes.get((receiver.mesh, None))
@@ -107,12 +133,13 @@ def _mesh_of(receiver: Receiver, name: str) -> bpy.types.Mesh:
         raise Error(f"mesh '{receiver.mesh}' of object '{receiver.object}' is in Edit Mode")
     if (len(mesh.vertices), len(mesh.loops)) != (receiver.vertices, len(receiver.corner_vertex)):
         raise Error(f"mesh '{receiver.mesh}' of object '{receiver.object}' was changed during the bake")
-    taken = mesh.attributes.get(name)
-    if taken is not None and name not in mesh.color_attributes:
-        raise Error(f"mesh '{receiver.mesh}' has an attribute '{name}' of type {taken.data_type}: rename it")
     owner = bpy.data.objects.get((receiver.object, None))
-    if owner is not None and name in owner.vertex_groups:
-        raise Error(f"object '{receiver.object}' has a vertex group '{name}': rename it")
+    for name in output.names:
+        taken = mesh.attributes.get(name)
+        if taken is not None and name not in mesh.color_attributes:
+            raise Error(f"mesh '{receiver.mesh}' has an attribute '{name}' of type {taken.data_type}: rename it")
+        if owner is not None and name in owner.vertex_groups:
+            raise Error(f"object '{receiver.object}' has a vertex group '{name}': rename it")
     return mesh
 
 
@@ -122,15 +149,6 @@ def _add(mesh: bpy.types.Mesh, domain: str, byte: bool) -> str:
     if attribute is None:
         raise Error(f"Blender could not add a colour attribute to mesh '{mesh.name}'")
     return attribute.name
-
-
-def _finish(mesh: bpy.types.Mesh, unfinished: str, name: str) -> None:
-    _remove(mesh, name)
-    mesh.color_attributes[unfinished].name = name
-    index = mesh.color_attributes.find(name)
-    mesh.color_attributes.active_color_index = index
-    mesh.color_attributes.render_color_index = index
-    mesh.update()
 
 
 def _remove(mesh: bpy.types.Mesh, name: str) -> None:

@@ -47,17 +47,22 @@ class Input:
 
 @dataclass(frozen=True)
 class Result:
-    """What a solve gives: colours (C,3) of every corner of the receivers, linear, and the solution.
+    """What a solve gives: colours (C,3) of every corner of the receivers, linear, by attribute, and the solution.
 
     warnings: those that are neither of the arrays nor of the solution
     """
 
     arrays: export.SceneArrays
     output: attributes.Output
-    colours: np.ndarray
+    layers: dict[str, np.ndarray]
     solution: fmm_core.Solution
     seconds_export: float
     warnings: tuple[str, ...] = ()
+
+    @property
+    def colours(self) -> np.ndarray:
+        """Those of the main attribute."""
+        return self.layers[self.output.name]
 
 
 def bake(
@@ -75,15 +80,15 @@ def bake(
     return write(compute(read(context, keep), settings, progress, session))
 
 
-def read(context: bpy.types.Context, keep: bool = False, colours: str | None = None) -> Input:
+def read(context: bpy.types.Context, keep: bool = False, **output: object) -> Input:
     """Read the scene of a context as its settings say, and check already here that its meshes can be written.
 
     keep: what rays find is kept in a file beside the .blend, and taken from there if it is of the same geometry.
-    colours: as in `Output`, or None for what the scene says.
+    output: fields of `Output` in place of what the scene says.
     """
     from . import preferences, properties
 
-    start, output = time.perf_counter(), properties.output_of(context.scene, colours)
+    start, output = time.perf_counter(), properties.output_of(context.scene, **output)
     arrays = export.read(context, context.scene.fmm_radiosity.scope)
     attributes.check(arrays.receivers, output)
     blend, kept, warnings = context.blend_data.filepath, None, ()
@@ -111,15 +116,7 @@ def compute(
     """
     arrays, warnings = data.arrays, list(data.warnings)
     progress = memory.limited(progress, data.memory_limit)
-    scene = fmm_core.Scene(
-        arrays.triangles,
-        arrays.albedo,
-        arrays.emission,
-        arrays.two_sided,
-        arrays.opacity,
-        lights=arrays.lights,
-        sky=arrays.sky,
-    )
+    scene = scene_of(arrays)
     points = fmm_core.output_points(
         arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangle_centre
     )
@@ -131,7 +128,7 @@ def compute(
     if solution is not None and _serves(solution, scene, settings, data.kept):
         sky = fmm_core.Sky(0.0) if arrays.sky is None else arrays.sky
         solution = solution.relight(arrays.emission, arrays.albedo, arrays.lights, sky, _part(progress, 0.0, 0.8))
-        irradiance = solution.irradiance(found.points, found.normals, _part(progress, 0.8, 1.0), effort)
+        irradiance = solution.irradiance(found.points, found.normals, _part(progress, 0.8, 0.9), effort)
     elif not solve:
         raise fmm_core.Error("more than lights and colours has changed since the last bake: bake again")
     else:
@@ -140,18 +137,40 @@ def compute(
         if session is not None:
             session.solution = None
         at = found.points, found.normals
-        solution, irradiance = fmm_core.solve_at(scene, settings, *at, progress, _load(data.kept, warnings), effort)
-    if data.output.content == "INDIRECT":
+        solution, irradiance = fmm_core.solve_at(
+            scene, settings, *at, _part(progress, 0.0, 0.9), _load(data.kept, warnings), effort
+        )
+    output, black = data.output, None
+    if output.content == "INDIRECT":
         # Black surfaces send nothing on: what is left is direct.
         black = solution.relight(albedo=np.zeros_like(arrays.albedo))
         irradiance = np.maximum(irradiance - black.irradiance(found.points, found.normals, effort=effort), 0.0)
     if fit is not None:
         irradiance = fit.values(irradiance, solution.sight(fit))
+    layers = {output.name: colours_of(arrays, irradiance[points.inverse], output.content)}
+    if output.directional:
+        harmonics = solution.harmonics(points.points, points.normals, _part(progress, 0.9, 1.0))
+        if black is not None:
+            harmonics -= black.harmonics(points.points, points.normals)
+        harmonics = fmm_core.matched(harmonics, points.normals, irradiance)[points.inverse]
+        layers |= zip(output.harmonics, harmonics.transpose(1, 0, 2), strict=True)
     if session is not None:
         session.solution = solution
     _save(solution.kept, data.kept, warnings)
-    colours = colours_of(arrays, irradiance[points.inverse], data.output.content)
-    return Result(arrays, data.output, colours, solution, data.seconds, tuple(warnings))
+    return Result(arrays, output, layers, solution, data.seconds, tuple(warnings))
+
+
+def scene_of(arrays: export.SceneArrays) -> fmm_core.Scene:
+    """The scene as the core takes it."""
+    return fmm_core.Scene(
+        arrays.triangles,
+        arrays.albedo,
+        arrays.emission,
+        arrays.two_sided,
+        arrays.opacity,
+        lights=arrays.lights,
+        sky=arrays.sky,
+    )
 
 
 def _serves(solution: fmm_core.Solution, scene: fmm_core.Scene, settings: fmm_core.Settings, kept: Path | None) -> bool:
@@ -195,7 +214,7 @@ def colours_of(arrays: export.SceneArrays, irradiance: np.ndarray, content: str)
 def write(result: Result) -> dict:
     """Write the colours of a solve to the meshes; returns the report."""
     start = time.perf_counter()
-    attributes.write(result.arrays.receivers, result.colours, result.output)
+    attributes.write(result.arrays.receivers, result.layers, result.output)
     report = dict(result.solution.report)
     seconds = dict(report["seconds"], export=result.seconds_export, write=time.perf_counter() - start)
     seconds["total"] = sum(value for phase, value in seconds.items() if phase != "total")

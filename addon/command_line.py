@@ -115,6 +115,7 @@ def _parser() -> _Parser:
         "faster bakes with other lights and colours")  # fmt: skip
     add("--colours", choices=("fit", "points"), help="fit: colours that match the light on the faces best; points: the "
         "light at the vertices themselves (default: as in the scene)")  # fmt: skip
+    add("--directional", action="store_true", help="also write where the light comes from: four spherical harmonics")
     add("--report", type=_file, help="also write numbers and warnings to this .json file")
     add("--preview", type=_file, help=f"also render a picture of {preview.SIZE} x {preview.SIZE} to this .png file")
     return parser
@@ -135,6 +136,12 @@ def _chosen(options: argparse.Namespace) -> dict[str, object]:
     return chosen
 
 
+def _output(options: argparse.Namespace) -> dict[str, object]:
+    """What is written, as far as it was given; the rest comes from the scene."""
+    chosen: dict[str, object] = {"directional": True} if options.directional else {}
+    return chosen | ({"colours": options.colours.upper()} if options.colours else {})
+
+
 def _run(options: argparse.Namespace) -> dict:
     import bpy
 
@@ -147,7 +154,7 @@ def _run(options: argparse.Namespace) -> dict:
     context = bpy.context
     settings = properties.settings_of(context.scene, **_chosen(options))
     keep = options.keep_visibility or context.scene.fmm_radiosity.keep_visibility
-    data = bake.read(context, keep, options.colours and options.colours.upper())
+    data = bake.read(context, keep, **_output(options))
     done = bake.write(bake.compute(data, settings, _progress()))
     _write_files(options, done, data.arrays.corner_position)
     return done

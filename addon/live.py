@@ -57,7 +57,7 @@ class _Follower:
     def _finish(self) -> float | None:
         future, self.future = self.future, None
         try:
-            session.report, session.problem = bake.write(future.result()), None
+            session.finish(bake.write(future.result()))
         except bake.FAILURES as error:
             session.problem = bake.reason(error)
         _redraw()

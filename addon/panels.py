@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import ClassVar
 
 import bpy
@@ -10,11 +11,13 @@ from bl_ui.utils import PresetPanel
 from bpy.app.translations import pgettext_iface as translated
 
 from . import estimate, shading
-from .report import PHASES, measured, percent
+from .report import PHASES, percent, typical
 from .session import Running, session
 
 #: Warnings that are shown; the Info editor and the report have them all.
 _SHOWN_WARNINGS = 5
+#: Width of a letter, and of what a panel has beside a text, in pixels of a screen of usual density.
+_LETTER, _BESIDE_TEXT = 6.2, 80
 
 
 class FMM_RADIOSITY_PT_presets(PresetPanel, bpy.types.Panel):
@@ -48,8 +51,8 @@ class _Bake:
         row.scale_y = 1.4
         if running is None:
             row.operator("fmm_radiosity.bake", icon="RENDER_STILL")
-            _draw_summary(layout, context)
             _draw_after(layout, context)
+            _draw_summary(layout, context)
         else:
             row.progress(factor=running.fraction, text=label(running))
             layout.label(text="Esc cancels")
@@ -78,7 +81,7 @@ class _Output:
         _draw_settings(self.layout, context, "scope", "content", "colours", "attribute_name", "domain", "byte")
         if context.scene.fmm_radiosity.byte:
             _draw_settings(self.layout, context, "exposure")
-        _draw_settings(self.layout, context, "keep_visibility")
+        _draw_settings(self.layout, context, "directional", "keep_visibility")
 
 
 class FMM_RADIOSITY_PT_bake(_InSidebar, _Bake, bpy.types.Panel):
@@ -108,13 +111,15 @@ class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
         """There was one."""
         return session.report is not None
 
-    def draw(self, _context: bpy.types.Context) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw its error, rays, seconds and warnings."""
         report = session.report
         column = self.layout.column(align=True)
         error = report["error"]
         if error["measured_rms"] is not None:
-            _draw_pair(column, "Measured Error", measured(error))
+            _draw_pair(column, "Measured Error", typical(error))
+            if error["low"]:
+                _draw_pair(column, "Between", f"{percent(error['low'])}, {percent(error['high'])}")
             _draw_pair(column, "Largest Error", percent(error["measured_max"]))
         if report["rounds"]:
             _draw_pair(column, "Rounds", str(len(report["rounds"])))
@@ -123,12 +128,12 @@ class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
             if report["seconds"][phase] >= 0.005:
                 _draw_pair(column, name, f"{report['seconds'][phase]:.2f} s")
         for warning in report["warnings"][:_SHOWN_WARNINGS]:
-            self.layout.label(text=warning, icon="ERROR", translate=False)
+            _draw_text(self.layout, context, warning, "ERROR")
         self.layout.operator("fmm_radiosity.show_report", icon="TEXT")
 
 
 class FMM_RADIOSITY_PT_effects(_InSidebar, bpy.types.Panel):
-    """Which effects the last bake simulated, and which ones the next one shall leave out."""
+    """Which effects the scene calls for, and which ones the next bake shall leave out."""
 
     bl_label = "Effects"
     bl_parent_id = "FMM_RADIOSITY_PT_bake"
@@ -136,12 +141,13 @@ class FMM_RADIOSITY_PT_effects(_InSidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the effects with their reasons, and what is to be left out."""
-        if session.report is not None:
+        self.layout.operator("fmm_radiosity.check", icon="VIEWZOOM")
+        if session.effects is not None:
             column = self.layout.column(align=True)
             for item in context.scene.fmm_radiosity.bl_rna.properties["without"].enum_items:
-                effect = session.report["effects"][item.identifier]
+                effect = session.effects[item.identifier]
                 column.label(text=item.name, icon="CHECKMARK" if effect["used"] else "X")
-                column.label(text=effect["why"], icon="BLANK1", translate=False)
+                _draw_text(column, context, effect["why"], "BLANK1")
         self.layout.label(text="Leave Out")
         column = self.layout.column(align=True)
         column.enabled = session.running is None
@@ -214,27 +220,37 @@ def _draw_pair(column: bpy.types.UILayout, name: str, value: str) -> None:
 
 def _draw_after(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """What one does after a bake: look at it, and change the lights."""
+    shown = isinstance(context.space_data, bpy.types.SpaceView3D) and shading.shows(context.space_data)
+    text = "Hide Result" if shown else "Show Result"
+    layout.operator("fmm_radiosity.show", text=text, icon="HIDE_OFF", depress=shown)
     row = layout.row(align=True)
     row.operator("fmm_radiosity.relight", icon="LIGHT")
     row.prop(context.window_manager, "fmm_radiosity_live", toggle=True)
     if session.problem is not None:
-        layout.label(text=session.problem, icon="INFO", translate=False)
-    shown = isinstance(context.space_data, bpy.types.SpaceView3D) and shading.shows(context.space_data)
-    text = "Hide Result" if shown else "Show Result"
-    layout.operator("fmm_radiosity.show", text=text, icon="HIDE_OFF", depress=shown)
+        _draw_text(layout, context, session.problem, "INFO")
 
 
 def _draw_summary(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     cost = estimate.of_scene(context.scene, context.view_layer)
-    text = translated("About {:s} and {:,d} MiB for {:,d} vertices")
     column = layout.column(align=True)
-    column.label(text=text.format(estimate.spoken(cost.seconds), cost.memory_mib, cost.colours), translate=False)
+    _draw_pair(column, "Vertices", f"{cost.colours:,}")
+    _draw_pair(column, "Expected Time", estimate.spoken(cost.seconds))
+    _draw_pair(column, "Expected Memory", f"{cost.memory_mib:,} MiB")
     if session.report is not None:
-        error, seconds = session.report["error"]["measured_rms"], session.report["seconds"]["total"]
+        error, seconds = session.report["error"], session.report["seconds"]["total"]
         done = translated("Baked in {:.1f} s").format(seconds)
-        if error is not None:
-            done = translated("{:s}, error {:s}").format(done, percent(error))
+        if error["measured_rms"] is not None:
+            done = translated("{:s}, error {:s}").format(done, typical(error))
         column.label(text=done, icon="CHECKMARK", translate=False)
+
+
+def _draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
+    """A text over as many lines as the width of the panel calls for."""
+    width = context.region.width / context.preferences.system.ui_scale - _BESIDE_TEXT
+    column = layout.column(align=True)
+    for line in textwrap.wrap(text, max(20, int(width / _LETTER))):
+        column.label(text=line, icon=icon, translate=False)
+        icon = "BLANK1"
 
 
 CLASSES = (

@@ -126,6 +126,12 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
         ),
         default="FIT",
     )
+    directional: bpy.props.BoolProperty(
+        name="Directional",
+        description="Also write where the light comes from, as four spherical harmonics in the attributes SH 0 to SH "
+        "3, for engines that light normal maps with it",
+        default=False,
+    )
     domain: bpy.props.EnumProperty(
         name="Domain",
         description="Where the colours are kept",
@@ -169,12 +175,19 @@ def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Setting
     return fmm_core.Settings(**(values | overrides))
 
 
-def output_of(scene: bpy.types.Scene, colours: str | None = None) -> attributes.Output:
-    """What a bake of a scene writes; colours in place of the scene's own."""
+def output_of(scene: bpy.types.Scene, **overrides: object) -> attributes.Output:
+    """What a bake of a scene writes; keyword arguments go first."""
     own = scene.fmm_radiosity
-    return attributes.Output(
-        own.attribute_name, own.content, own.domain, own.byte, own.exposure, colours or own.colours
-    )
+    values = {
+        "name": own.attribute_name,
+        "content": own.content,
+        "domain": own.domain,
+        "byte": own.byte,
+        "exposure": own.exposure,
+        "colours": own.colours,
+        "directional": own.directional,
+    }
+    return attributes.Output(**(values | overrides))
 
 
 def register() -> None:

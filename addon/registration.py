@@ -9,6 +9,7 @@ import bpy
 
 from ..operators.add_nodes import FMM_RADIOSITY_OT_add_nodes
 from ..operators.bake import FMM_RADIOSITY_OT_bake
+from ..operators.check import FMM_RADIOSITY_OT_check
 from ..operators.presets import FMM_RADIOSITY_OT_preset_add
 from ..operators.refine import FMM_RADIOSITY_OT_refine
 from ..operators.relight import FMM_RADIOSITY_OT_relight
@@ -22,6 +23,7 @@ _CLASSES = (
     properties.FMM_RADIOSITY_settings,
     preferences.FMM_RADIOSITY_preferences,
     FMM_RADIOSITY_OT_bake,
+    FMM_RADIOSITY_OT_check,
     FMM_RADIOSITY_OT_relight,
     FMM_RADIOSITY_OT_show,
     FMM_RADIOSITY_OT_subdivide,
@@ -38,9 +40,7 @@ _commands = []
 
 @bpy.app.handlers.persistent
 def _forget(*_: object) -> None:
-    """Let go of the last bake: another file has other geometry, and its solution can be large."""
-    session.solution = session.report = session.problem = None
-    session.views.clear()
+    session.forget()
 
 
 def register() -> None:

@@ -16,17 +16,24 @@ PHASES = {
     "total": "All Together",
 }
 
+#: Errors below this one are of no interest.
+_LEAST = 1e-4
+
 
 def percent(share: float) -> str:
     """A share as percent with two digits, or all that there are before the point."""
     return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:,.0f} %"
 
 
+def typical(error: dict) -> str:
+    """The measured error, or what it is below where it is too small to be told."""
+    return percent(error["measured_rms"]) if error["low"] else f"below {percent(max(error['high'], _LEAST))}"
+
+
 def measured(error: dict) -> str:
-    """The measured error with the range that it lies in, or what it is below where it is too small to be told."""
-    if not error["low"]:
-        return f"below {percent(error['high'])}"
-    return f"{percent(error['measured_rms'])} ({percent(error['low'])} to {percent(error['high'])})"
+    """The measured error with the range that it lies in, where that can be told."""
+    between = f" ({percent(error['low'])} to {percent(error['high'])})" if error["low"] else ""
+    return f"{typical(error)}{between}"
 
 
 def _round(tried: dict) -> str:

@@ -42,7 +42,8 @@ class Running:
 class Session:
     """What is remembered.
 
-    running: the bake under way or None; report: that of the last finished bake or None; solution: what it solved, which
+    running: the bake under way or None; report: that of the last finished bake or None; effects: which ones the scene
+    called for when it was last looked at, as in a report, or None; solution: what it solved, which
     serves the next bake where only lights and colours have changed, or None; pace: how much longer bakes take on this
     machine than `estimate` has it; views: how 3D views were shaded before they showed the result; problem: why the
     colours do not follow the lights at the moment, or None; threads_late: whether the wanted number of threads came too
@@ -51,12 +52,22 @@ class Session:
 
     running: Running | None = None
     report: dict | None = None
+    effects: dict[str, dict] | None = None
     solution: fmm_core.Solution | None = None
     pace: float = 1.0
     views: dict[int, dict[str, object]] = field(default_factory=dict)
     problem: str | None = None
     threads_late: bool = False
     _pool: ThreadPoolExecutor | None = None
+
+    def finish(self, report: dict) -> None:
+        """Remember what a bake came to."""
+        self.report, self.effects, self.problem = report, report["effects"], None
+
+    def forget(self) -> None:
+        """Let go of the last bake: another file has other geometry, and its solution can be large."""
+        self.solution = self.report = self.effects = self.problem = None
+        self.views.clear()
 
     def submit(self, work: Callable, *arguments: object) -> Future:
         """Start work in the thread that all bakes share: one that was cancelled ends before the next one begins."""

@@ -19,12 +19,8 @@ if TYPE_CHECKING:
     import fmm_core
 
 
-class Threaded:
-    """Reads the scene, solves in a thread, writes the colours. Escape cancels; in background straight through."""
-
-    _timer: bpy.types.Timer | None = None
-    _future: Future | None = None
-    _running: Running | None = None
+class ReadsScene:
+    """What an operator needs that reads the scene as a bake does."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -36,6 +32,14 @@ class Threaded:
             cls.poll_message_set("Switch to Object Mode first")
             return False
         return True
+
+
+class Threaded(ReadsScene):
+    """Reads the scene, solves in a thread, writes the colours. Escape cancels; in background straight through."""
+
+    _timer: bpy.types.Timer | None = None
+    _future: Future | None = None
+    _running: Running | None = None
 
     def read(self, context: bpy.types.Context) -> bake.Input:
         """Read what is to be solved."""
@@ -97,7 +101,8 @@ class Threaded:
         _redraw(context)
 
     def _succeed(self, context: bpy.types.Context, result: bake.Result) -> set[str]:
-        report = session.report = bake.write(result)
+        report = bake.write(result)
+        session.finish(report)
         estimate.learn(report, context.scene, context.view_layer)
         for warning in report["warnings"]:
             self.report({"WARNING"}, warning)

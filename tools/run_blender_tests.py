@@ -17,6 +17,7 @@ ROOT = build_extension.ROOT
 # bpy: Python it is built for, and the numpy of that Blender.
 VERSIONS = {
     "4.2.23": ("3.11", "numpy==1.26.4"),
+    "4.5.15": ("3.11", "numpy>=1.26,<2"),
     "5.0.1": ("3.11", "numpy>=1.26,<2"),
     "5.2.3": ("3.13", "numpy>=2.2,<3"),
 }

@@ -5,6 +5,7 @@ import fmm_core
 import numpy as np
 import pytest
 import shapes
+from fmm_core import visibility
 
 FMM = {"method": "fmm", "probes": 0}
 
@@ -171,3 +172,17 @@ def test_shadows_stay_far_from_the_origin(points, away):
     assert np.abs(there.particles.positions - far - here.particles.positions).max() < 1e-6
     # Where a ray grazes an edge the rounding of the corners decides.
     assert error(there.irradiance(points[0] + far, points[1]), here.irradiance(*points)) < 3e-3
+
+
+@pytest.mark.parametrize("opaque", [True, False])
+def test_rays_meet_the_same_triangles_however_these_are_given_to_the_tracer(monkeypatch, opaque):
+    opacity = 1.0 if opaque else fmm_core.Opacity(np.full(len(TWO_BLOCKS), 0.5))
+    scene = fmm_core.Scene(TWO_BLOCKS, ALBEDO, EMISSION, opacity=opacity)
+    rng = np.random.default_rng(0)
+    points = rng.choice(scene.triangles.mean(axis=1), 500)
+    directions = rng.normal(size=(500, 3))
+    whole = visibility.Occlusion(scene)._met(points.astype(np.float32), directions.astype(np.float32))
+    monkeypatch.setattr(visibility, "PIECE", 3)
+    pieces = visibility.Occlusion(scene)._met(points.astype(np.float32), directions.astype(np.float32))
+    assert len(np.unique(whole[0])) > 10
+    assert all((a == b).all() for a, b in zip(whole, pieces, strict=True))

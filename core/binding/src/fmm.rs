@@ -262,6 +262,7 @@ pub struct Surface {
 impl Surface {
     #[new]
     fn new(
+        py: Python,
         scene: PyReadonlyArray3<f64>,
         edges: PyReadonlyArray1<i8>,
         fractions: PyReadonlyArray1<f64>,
@@ -273,10 +274,10 @@ impl Surface {
         if parts.as_array().ncols() != 2 || !rest.is_empty() {
             return Err(value_error("parts: expected shape (K, 2)"));
         }
-        let rule = triples(&rule, "rule")?;
-        let surface =
-            ::fmm::surface::Surface::new(triangles(&scene)?, flat(&edges)?, flat(&fractions)?, halves, rule, patches);
-        Ok(Surface { surface: surface.map_err(value_error)? })
+        let (scene, rule) = (triangles(&scene)?, triples(&rule, "rule")?);
+        let (edges, fractions) = (flat(&edges)?, flat(&fractions)?);
+        let build = || ::fmm::surface::Surface::new(scene, edges, fractions, halves, rule, patches);
+        Ok(Surface { surface: py.detach(build).map_err(value_error)? })
     }
 
     /// The source (R,) that each ray meets, or -1: triangles (R,), -1 for none, where on them, and directions (R, 3).

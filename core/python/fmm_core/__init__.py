@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Diffuse global illumination (radiosity) by a fast multipole method, without any Blender in it."""
 
+from .effects import plan
 from .errors import Cancelled, Error
 from .evaluation import OutputPoints, output_points
 from .fit import Sight, VertexFit
+from .harmonics import irradiance_of, matched
 from .kept import KeptVisibility
 from .lights import AreaLight, Light, PointLight, SpotLight, SunLight
 from .opacity import Opacity
@@ -34,8 +36,11 @@ __all__ = [
     "SpotLight",
     "SunLight",
     "VertexFit",
+    "irradiance_of",
     "limit_threads",
+    "matched",
     "output_points",
+    "plan",
     "solve",
     "solve_at",
 ]

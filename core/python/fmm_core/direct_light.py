@@ -122,7 +122,7 @@ class Receivers:
 
         def second(block: slice) -> int:
             chosen = np.flatnonzero(again)[block]
-            samples = self._samples(light, rows[chosen], _pattern)
+            samples = self._samples(light, rows[chosen], lamp_pattern)
             lit = samples.weights * samples.cones > 0
             # A cone that fades over the lamp wants many samples of it, but no more rays.
             traced = (partly[chosen] | light.has_narrow_cone) & shadows
@@ -231,7 +231,8 @@ def _first_pattern(light: Light, shifts: Points, _rays: int) -> Points:
     return np.concatenate([patterns.square_rim(RIM, shifts), patterns.square(INSIDE, shifts)], axis=1)
 
 
-def _pattern(light: Light, shifts: Points, rays: int) -> Points:
+def lamp_pattern(light: Light, shifts: Points, rays: int) -> Points:
+    """(M, rays, 2) as `samples` of a lamp take it."""
     return (patterns.disc if light.is_round else patterns.square)(rays, shifts)
 
 

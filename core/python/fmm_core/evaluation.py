@@ -46,8 +46,7 @@ def output_points(
     if len(positions) == 0:
         return OutputPoints(positions, normals, np.zeros(0, np.int64))
     keys = np.column_stack([vertices, np.rint(normals / SAME_NORMAL).astype(np.int64)])
-    _, inverse = np.unique(keys, axis=0, return_inverse=True)
-    inverse = inverse.reshape(-1)
+    inverse = _groups(keys)
 
     steps = triangle_centres - positions
     reach = np.linalg.norm(steps, axis=1)
@@ -68,3 +67,15 @@ def output_points(
     step = np.where(flat[:, None], steps[corner], mean)
     step -= directions * (step * directions).sum(axis=1, keepdims=True)
     return OutputPoints(positions[corner] + STEP * (step + directions * height[:, None]), directions, inverse)
+
+
+def _groups(keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(C,) the same number, from 0 on, for rows (C, K) that are the same.
+
+    As `np.unique` has it, which compares rows under the interpreter's lock and lets nothing else run meanwhile.
+    """
+    order = np.lexsort(keys.T[::-1])
+    ordered = keys[order]
+    found = np.zeros(len(keys), np.int64)
+    found[order] = np.concatenate([[0], np.cumsum((ordered[1:] != ordered[:-1]).any(axis=1))])
+    return found

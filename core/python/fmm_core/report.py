@@ -24,6 +24,7 @@ COUNTS = (
     "pairs_partial",
     "pairs_invalid",
     "rays",
+    "directed_rays",
 )
 
 #: What `accuracy.measure` finds.

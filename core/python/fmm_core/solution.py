@@ -16,6 +16,8 @@ from .effects import plan, planned
 from .errors import Error, memory_errors
 from .exchange import Exchange
 from .fit import Sight, VertexFit
+from .harmonics import Tilted
+from .incident import Incident
 from .kept import KeptVisibility
 from .lights import Light
 from .multipole import MultipoleSpace
@@ -27,6 +29,9 @@ from .settings import Settings
 from .sky import Sky
 
 Points = NDArray[np.float64]
+
+#: What is going on, for whoever waits.
+DIRECTING = "Finding where light comes from"
 
 
 class Solution:
@@ -71,10 +76,7 @@ class Solution:
         A point on an edge lies on several surfaces and may be blocked by any of them: step it inside first.
         progress(fraction, text) as in `solve`. Raises `Error` naming the row on a shape or value that is wrong.
         """
-        points, normals = finite_rows("points", points), unit_rows("normals", normals)
-        if len(points) != len(normals):
-            raise Error(f"normals: expected {len(points)} rows like points, got {len(normals)}")
-        points = points - self.scene.origin
+        points, normals = self._receivers(points, normals)
         with memory_errors(), self._report.time("evaluate"):
             irradiance = np.zeros_like(points)
             if self.radiosity.any():
@@ -102,6 +104,27 @@ class Solution:
             found = self._space.sums.sight(fit.points - origin, fit.normals, fit.corners - origin)
         self._report.counts["rays"] = self._space.sums.rays - self._report.traced
         return found
+
+    def harmonics(self, points: ArrayLike, normals: ArrayLike, progress: Progress | None = None) -> Points:
+        """Four spherical harmonics (M, 4, 3) of the light at points (M, 3) with normals (M, 3), see `harmonics.py`.
+
+        They are found by rays, also where nothing is in the way and after `relight`; `matched` gives them the
+        irradiance that was found otherwise. progress as in `solve`. Raises `Error` as `irradiance`.
+        """
+        points, normals = self._receivers(points, normals)
+        with memory_errors(), self._report.time("evaluate"):
+            incident = Incident(self._planned, self._space.sums, self.radiosity)
+            tick = ticker(progress, 0.0, 1.0, DIRECTING)
+            found = incident.gather(points, normals, Tilted(normals), self.used.rays, tick)
+        self._report.counts["directed_rays"] += incident.rays
+        return found
+
+    def _receivers(self, points: ArrayLike, normals: ArrayLike) -> tuple[Points, Points]:
+        """Points and normals (M, 3), checked, where the scene was solved."""
+        points, normals = finite_rows("points", points), unit_rows("normals", normals)
+        if len(points) != len(normals):
+            raise Error(f"normals: expected {len(points)} rows like points, got {len(normals)}")
+        return points - self.scene.origin, normals
 
     def _direct(
         self, points: NDArray[np.float64], normals: NDArray[np.float64], effort: float, tick: Tick

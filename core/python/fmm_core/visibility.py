@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,8 @@ BURIED_RAYS = 5
 BATCH = 150_000
 #: However few there are they make so many batches, the same on all machines: what is kept is found by them.
 LEAST_BATCHES = 8
+#: Triangles that are given to embree together, while nothing else of Python runs.
+PIECE = 1 << 14
 #: Cells that rays are shot from in one block.
 CELLS_PER_BLOCK = 16
 
@@ -55,6 +57,31 @@ class Met(NamedTuple):
     triangles: NDArray[np.int64]
     positions: NDArray[np.float64]
     normals: NDArray[np.float64]
+
+
+class _Tracer:
+    """An embree scene of triangles (T, 3, 3), given to it in pieces; its `run` numbers them as if they were one."""
+
+    def __init__(self, corners: NDArray[np.float32]) -> None:
+        self._scene = embreex.rtcore_scene.EmbreeScene()
+        starts = range(0, len(corners), PIECE)
+        make = embreex.mesh_construction.TriangleMesh
+        self._meshes = [make(self._scene, corners[start : start + PIECE]) for start in starts]
+
+    def run(
+        self,
+        origins: NDArray[np.float32],
+        directions: NDArray[np.float32],
+        dists: NDArray[np.float32] | None = None,
+        query: str = "INTERSECT",
+        output: bool = False,
+    ) -> Any:
+        """As that of embreex, for "OCCLUDED" and "INTERSECT"."""
+        if query == "OCCLUDED":
+            return self._scene.run(origins, directions, dists=dists, query=query)
+        met = self._scene.run(origins, directions, dists=dists, query=query, output=True)
+        met["primID"] = np.where(met["primID"] < 0, -1, met["primID"] + PIECE * met["geomID"])
+        return met if output else met["primID"]
 
 
 class Occlusion:
@@ -73,8 +100,7 @@ class Occlusion:
         self._normals = np.cross(edges[:, 0], edges[:, 1])
         self.rays = 0
         corners = ((scene.triangles - self._centre) / self._scale).astype(np.float32)
-        self._scene = embreex.rtcore_scene.EmbreeScene()
-        self._mesh = embreex.mesh_construction.TriangleMesh(self._scene, corners)
+        self._scene = _Tracer(corners)
         # The first call commits the scene, which must not happen in several threads at once.
         self._occluded(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
         self.whole = scene.opacity is None

@@ -83,9 +83,17 @@ def corner_normals(triangles):
     return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
-def baked(mesh):
+def baked(mesh, name="Radiosity"):
     """Colours (N,4) of the attribute."""
-    attribute = mesh.color_attributes["Radiosity"]
+    attribute = mesh.color_attributes[name]
     values = np.empty(len(attribute.data) * 4, np.float32)
     attribute.data.foreach_get("color", values)
     return values.reshape(-1, 4)
+
+
+def of_corners(mesh, name):
+    """The same at every corner (C,4)."""
+    values = baked(mesh, name)
+    if mesh.color_attributes[name].domain == "CORNER":
+        return values
+    return values[[loop.vertex_index for loop in mesh.loops]]

@@ -6,8 +6,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from fmm_core import Error
-from scenes import baked
+from fmm_core import Error, irradiance_of
+from scenes import baked, of_corners
 
 
 @pytest.fixture
@@ -94,6 +94,46 @@ def test_another_name_leaves_the_earlier_bake(build, settings):
     assert sorted(mesh.color_attributes.keys()) == ["Lichtkarte ü", "Radiosity"]
     assert mesh.color_attributes.active_color.name == "Lichtkarte ü"
     assert (baked(mesh)[:, :3] == before["Box"]).all()
+
+
+@pytest.mark.parametrize("content", ["LIGHTING", "INDIRECT"])
+def test_directional_light_says_the_same_as_the_colours_for_the_normals_of_the_mesh(build, settings, read, content):
+    build.room()
+    settings.content, settings.directional = content, True
+    bake()
+    arrays = read()
+    for receiver in arrays.receivers:
+        mesh = bpy.data.meshes[receiver.mesh]
+        assert sorted(mesh.color_attributes.keys()) == ["Radiosity", *(f"Radiosity SH {k}" for k in range(4))]
+        harmonics = np.stack([of_corners(mesh, f"Radiosity SH {k}")[:, :3] for k in range(4)], axis=1)
+        irradiance = irradiance_of(harmonics, arrays.corner_normal[receiver.rows])
+        assert irradiance / np.pi == pytest.approx(of_corners(mesh, "Radiosity")[:, :3], rel=1e-4, abs=1e-6)
+    floor = np.stack([of_corners(bpy.data.meshes["Floor"], f"Radiosity SH {k}")[:, :3] for k in range(4)])
+    # The lamp is above its first quarter; what the floor gets from the cube comes from all sides.
+    assert (floor[2].sum(axis=0) > 0).all()
+    assert np.abs(floor[[1, 3]]).max() > 0.1 * floor[2].max()
+
+
+def test_directional_light_from_the_command_line(build, command, tmp_path):
+    build.room()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"))
+    out = tmp_path / "out.blend"
+    assert command("bake", tmp_path / "room.blend", "-o", out, "--directional") == (0, [])
+    bpy.ops.wm.open_mainfile(filepath=str(out))
+    assert len(bpy.data.meshes["Box"].color_attributes) == 5
+
+
+def test_no_colours_but_those_that_are_asked_for(build, settings):
+    build.room()
+    bake()
+    assert bpy.data.meshes["Box"].color_attributes.keys() == ["Radiosity"]
+
+
+def test_a_name_that_leaves_no_room_is_an_error(build, fmm, settings):
+    build.room()
+    settings.attribute_name, settings.directional = 60 * "a", True
+    with pytest.raises(Error, match="is longer than"):
+        fmm.bake.read(bpy.context)
 
 
 @pytest.mark.parametrize("name", ["", ".hidden", "position"])
