@@ -50,6 +50,17 @@ class Output:
         return tuple(f"{self.name} SH {k}" for k in range(4)) if self.directional else ()
 
 
+@dataclass(frozen=True)
+class Layers:
+    """Attributes to write: linear colours (C,3) of every corner, in the order of the receivers, for each of
+    `output.names`.
+    """
+
+    receivers: Sequence[Receiver]
+    colours: Mapping[str, np.ndarray]
+    output: Output
+
+
 def check(receivers: Sequence[Receiver], output: Output) -> None:
     """Raise fmm_core.Error, naming the mesh, where the attribute could not be written; to be called before a solve."""
     if not output.name or output.name.startswith("."):
@@ -61,19 +72,19 @@ def check(receivers: Sequence[Receiver], output: Output) -> None:
         _mesh_of(receiver, output)
 
 
-def write(receivers: Sequence[Receiver], layers: Mapping[str, np.ndarray], output: Output) -> None:
-    """Write the corner colours of a bake, one foreach_set a mesh and attribute, and make the main one active and the
-    one of renders.
+def write(parts: Sequence[Layers]) -> None:
+    """Write colours, one foreach_set a mesh and attribute; the main attribute of the last part is made the active one
+    and the one of renders.
 
-    layers: linear colours (C,3) of every corner, in the order of the receivers, for each of `output.names`. Attributes
-    of an earlier bake are replaced. Raises fmm_core.Error naming the mesh that cannot be written; every mesh is then as
-    it was.
+    Attributes of an earlier bake are replaced. Raises fmm_core.Error naming the mesh that cannot be written; every mesh
+    is then as it was.
     """
-    meshes = [_mesh_of(receiver, output) for receiver in receivers]
+    wanted = [(_mesh_of(receiver, part.output), receiver, part) for part in parts for receiver in part.receivers]
     unfinished = []
     try:
-        for mesh, receiver in zip(meshes, receivers, strict=True):
-            for name, colours in layers.items():
+        for mesh, receiver, part in wanted:
+            output = part.output
+            for name, colours in part.colours.items():
                 byte = output.byte and name == output.name
                 domain, values = layer(receiver, colours[receiver.rows], output.domain)
                 if byte:
@@ -87,8 +98,8 @@ def write(receivers: Sequence[Receiver], layers: Mapping[str, np.ndarray], outpu
     for mesh, unnamed, name in unfinished:
         _remove(mesh, name)
         mesh.color_attributes[unnamed].name = name
-    for mesh in meshes:
-        index = mesh.color_attributes.find(output.name)
+    for mesh, _, part in wanted:
+        index = mesh.color_attributes.find(part.output.name)
         mesh.color_attributes.active_color_index = index
         mesh.color_attributes.render_color_index = index
         mesh.update()

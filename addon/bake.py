@@ -127,8 +127,8 @@ def compute(
     solution = None if session is None else session.solution
     if solution is not None and _serves(solution, scene, settings, data.kept):
         sky = fmm_core.Sky(0.0) if arrays.sky is None else arrays.sky
-        solution = solution.relight(arrays.emission, arrays.albedo, arrays.lights, sky, _part(progress, 0.0, 0.8))
-        irradiance = solution.irradiance(found.points, found.normals, _part(progress, 0.8, 0.9), effort)
+        solution = solution.relight(arrays.emission, arrays.albedo, arrays.lights, sky, part(progress, 0.0, 0.8))
+        irradiance = solution.irradiance(found.points, found.normals, part(progress, 0.8, 0.9), effort)
     elif not solve:
         raise fmm_core.Error("more than lights and colours has changed since the last bake: bake again")
     else:
@@ -138,7 +138,7 @@ def compute(
             session.solution = None
         at = found.points, found.normals
         solution, irradiance = fmm_core.solve_at(
-            scene, settings, *at, _part(progress, 0.0, 0.9), _load(data.kept, warnings), effort
+            scene, settings, *at, part(progress, 0.0, 0.9), _load(data.kept, warnings), effort
         )
     output, black = data.output, None
     if output.content == "INDIRECT":
@@ -149,7 +149,7 @@ def compute(
         irradiance = fit.values(irradiance, solution.sight(fit))
     layers = {output.name: colours_of(arrays, irradiance[points.inverse], output.content)}
     if output.directional:
-        harmonics = solution.harmonics(points.points, points.normals, _part(progress, 0.9, 1.0))
+        harmonics = solution.harmonics(points.points, points.normals, part(progress, 0.9, 1.0))
         if black is not None:
             harmonics -= black.harmonics(points.points, points.normals)
         harmonics = fmm_core.matched(harmonics, points.normals, irradiance)[points.inverse]
@@ -214,9 +214,14 @@ def colours_of(arrays: export.SceneArrays, irradiance: np.ndarray, content: str)
 def write(result: Result) -> dict:
     """Write the colours of a solve to the meshes; returns the report."""
     start = time.perf_counter()
-    attributes.write(result.arrays.receivers, result.layers, result.output)
+    attributes.write([attributes.Layers(result.arrays.receivers, result.layers, result.output)])
+    return report_of(result, time.perf_counter() - start)
+
+
+def report_of(result: Result, seconds_write: float = 0.0) -> dict:
+    """The report of a bake: that of its solve, and what was done around it."""
     report = dict(result.solution.report)
-    seconds = dict(report["seconds"], export=result.seconds_export, write=time.perf_counter() - start)
+    seconds = dict(report["seconds"], export=result.seconds_export, write=seconds_write)
     seconds["total"] = sum(value for phase, value in seconds.items() if phase != "total")
     report["seconds"] = seconds
     report["warnings"] = [*result.arrays.warnings, *report["warnings"], *result.warnings]
@@ -230,7 +235,7 @@ def reason(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _part(progress: Progress | None, start: float, end: float) -> Progress | None:
+def part(progress: Progress | None, start: float, end: float) -> Progress | None:
     """Progress of one step, which is the part from start to end of the whole."""
     if progress is None:
         return None

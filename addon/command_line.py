@@ -10,19 +10,28 @@ import argparse
 import errno
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import fmm_core
 import numpy as np
 
-from . import bake, files, preview, report
+from . import animation, bake, files, preview, report
+
+if TYPE_CHECKING:
+    import bpy
 
 PROGRAM = "fmm-radiosity"
 _SUFFIXES = {"-o": ".blend", "--report": ".json", "--preview": ".png"}
+
+#: What -o may end in besides for frames.
+_FRAMES_SUFFIX = ".npz"
+#: Of Blender.
+_LAST_FRAME = 1048574
 
 
 class UsageError(Exception):
@@ -41,9 +50,14 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         fmm_core.Settings(**_chosen(options))
     except fmm_core.Error as error:
         raise UsageError(str(error)) from None
+    if options.frames is not None and (options.preview is not None or options.keep_visibility):
+        raise UsageError("--frames: --preview and --keep-visibility are of one frame")
+    suffixes = dict(_SUFFIXES)
+    if options.frames is not None and options.output.suffix == _FRAMES_SUFFIX:
+        suffixes["-o"] = _FRAMES_SUFFIX
     for name, path in _outputs(options).items():
-        if path.suffix != _SUFFIXES[name]:
-            raise UsageError(f"{name}: '{path}' must end in {_SUFFIXES[name]}")
+        if path.suffix != suffixes[name]:
+            raise UsageError(f"{name}: '{path}' must end in {suffixes[name]}")
     _check_distinct(options, options.scene)
     return options
 
@@ -96,6 +110,8 @@ def _parser() -> _Parser:
     add = command.add_argument
     add("scene", nargs="?", type=_file, help="the .blend file to read (inside Blender: the open file)")
     add("-o", "--output", required=True, type=_file, help="the .blend file to write")
+    add("--frames", type=_frames, metavar="FIRST-LAST", help="bake these frames, as 1-24, each into an attribute of "
+        f"its own; where -o ends in {_FRAMES_SUFFIX} all into that file")  # fmt: skip
     add("-p", "--truncation", type=int, help="order p of the expansions, 0 to 20 (default: as saved in the scene)")
     add("-s", "--grouping", type=int, help="particles s in a leaf of the octree (default: as saved in the scene)")
     add("--method", help="direct: every particle with every other one")
@@ -127,6 +143,16 @@ def _file(name: str) -> Path:
     return Path(name)
 
 
+def _frames(text: str) -> range:
+    found = re.fullmatch(r"(\d{1,7})(?:-(\d{1,7}))?", text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"expected frames as 1-24, got '{text}'")
+    first, last = int(found[1]), int(found[2] or found[1])
+    if not first <= last <= _LAST_FRAME:
+        raise argparse.ArgumentTypeError(f"expected frames from 0 to {_LAST_FRAME}, the first one first, got '{text}'")
+    return range(first, last + 1)
+
+
 def _chosen(options: argparse.Namespace) -> dict[str, object]:
     """The settings that were given; the others come from the scene."""
     names = ("truncation", "grouping", "method", "target_error", "particles", "rays", "probes")
@@ -153,20 +179,34 @@ def _run(options: argparse.Namespace) -> dict:
     _leave_edit_mode()
     context = bpy.context
     settings = properties.settings_of(context.scene, **_chosen(options))
+    if options.frames is not None:
+        return _run_frames(options, context, settings)
     keep = options.keep_visibility or context.scene.fmm_radiosity.keep_visibility
     data = bake.read(context, keep, **_output(options))
     done = bake.write(bake.compute(data, settings, _progress()))
-    _write_files(options, done, data.arrays.corner_position)
+    _write_files(options, done, _save, data.arrays.corner_position)
     return done
 
 
-def _write_files(options: argparse.Namespace, done: dict, corners: np.ndarray) -> None:
+def _run_frames(options: argparse.Namespace, context: bpy.types.Context, settings: fmm_core.Settings) -> dict:
+    frames = animation.solve(context, options.frames, settings, _progress(), **_output(options))
+    if options.output.suffix == _FRAMES_SUFFIX:
+        done, save = frames.report(), frames.save
+    else:
+        done, save = frames.write(), _save
+    _write_files(options, done, save)
+    return done
+
+
+def _write_files(
+    options: argparse.Namespace, done: dict, save: Callable[[Path], None], corners: np.ndarray | None = None
+) -> None:
     """Write all of the wanted files or none; corners (C,3) in m are what a preview has to show."""
     import bpy
 
     with files.Staged() as staged:
         with files.writing(options.output):
-            _save(staged.path(options.output))
+            save(staged.path(options.output))
         if options.preview is not None:
             with files.writing(options.preview):
                 name = bpy.context.scene.fmm_radiosity.attribute_name

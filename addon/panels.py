@@ -82,6 +82,7 @@ class _Output:
         if context.scene.fmm_radiosity.byte:
             _draw_settings(self.layout, context, "exposure")
         _draw_settings(self.layout, context, "directional", "keep_visibility")
+        self.layout.operator("fmm_radiosity.bake_frames", icon="RENDER_ANIMATION")
 
 
 class FMM_RADIOSITY_PT_bake(_InSidebar, _Bake, bpy.types.Panel):

@@ -9,6 +9,7 @@ import bpy
 
 from ..operators.add_nodes import FMM_RADIOSITY_OT_add_nodes
 from ..operators.bake import FMM_RADIOSITY_OT_bake
+from ..operators.bake_frames import FMM_RADIOSITY_OT_bake_frames
 from ..operators.check import FMM_RADIOSITY_OT_check
 from ..operators.presets import FMM_RADIOSITY_OT_preset_add
 from ..operators.refine import FMM_RADIOSITY_OT_refine
@@ -24,6 +25,7 @@ _CLASSES = (
     preferences.FMM_RADIOSITY_preferences,
     FMM_RADIOSITY_OT_bake,
     FMM_RADIOSITY_OT_check,
+    FMM_RADIOSITY_OT_bake_frames,
     FMM_RADIOSITY_OT_relight,
     FMM_RADIOSITY_OT_show,
     FMM_RADIOSITY_OT_subdivide,

@@ -48,6 +48,8 @@ def summary(report: dict) -> str:
     counts, error = report["counts"], report.get("error") or {}
     seconds = report["seconds"]["total"]
     text = f"{counts['output_points']:,} points from {counts['triangles']:,} triangles in {seconds:.2f} s"
+    if "frames" in report:
+        text = f"{len(report['frames'])} frames, {text}"
     if error.get("measured_rms") is not None:
         text = f"{text}, measured error {measured(error)}"
     if report["rounds"]:

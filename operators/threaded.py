@@ -40,6 +40,7 @@ class Threaded(ReadsScene):
     _timer: bpy.types.Timer | None = None
     _future: Future | None = None
     _running: Running | None = None
+    _settings: fmm_core.Settings | None = None
 
     def read(self, context: bpy.types.Context) -> bake.Input:
         """Read what is to be solved."""
@@ -49,24 +50,40 @@ class Threaded(ReadsScene):
         """Solve; runs in the thread, away from Blender."""
         return bake.compute(data, settings, progress, session)
 
+    def following(self, context: bpy.types.Context, result: bake.Result) -> bake.Input | None:
+        """What is to be solved after this, if anything."""
+        return None
+
+    def write(self, context: bpy.types.Context, result: bake.Result) -> dict:
+        """Write the last result; returns the report."""
+        report = bake.write(result)
+        estimate.learn(report, context.scene, context.view_layer)
+        return report
+
+    def end(self, context: bpy.types.Context) -> None:
+        """Called once `invoke` or `execute` has begun, however it ends."""
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Straight through."""
         try:
-            settings = properties.settings_of(context.scene)
-            return self._succeed(context, self.solve(self.read(context), settings, None))
+            settings, data = properties.settings_of(context.scene), self.read(context)
+            while data is not None:
+                result = self.solve(data, settings, None)
+                data = self.following(context, result)
+            return self._succeed(context, result)
         except bake.FAILURES as error:
-            return self._fail(error)
+            return self._fail(context, error)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """In a thread of its own, where there is a window."""
         if bpy.app.background or not self.options.is_invoke:
             return self.execute(context)
         try:
-            settings, data = properties.settings_of(context.scene), self.read(context)
+            self._settings, data = properties.settings_of(context.scene), self.read(context)
         except bake.FAILURES as error:
-            return self._fail(error)
+            return self._fail(context, error)
         self._running = session.running = Running()
-        self._future = session.submit(self.solve, data, settings, self._running.progress)
+        self._future = session.submit(self.solve, data, self._settings, self._running.progress)
         self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
         context.window_manager.modal_handler_add(self)
         _show(context)
@@ -76,21 +93,31 @@ class Threaded(ReadsScene):
         """Watch the thread."""
         if event.type == "ESC" and event.value == "PRESS":
             self._stop(context)
-            return self._fail(Cancelled())
+            return self._fail(context, Cancelled())
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         if not self._future.done():
             _show(context)
             return {"PASS_THROUGH"}
+        try:
+            result = self._future.result()
+            data = self.following(context, result)
+        except bake.FAILURES as error:
+            self._stop(context)
+            return self._fail(context, error)
+        if data is not None:
+            self._future = session.submit(self.solve, data, self._settings, self._running.progress)
+            return {"PASS_THROUGH"}
         self._stop(context)
         try:
-            return self._succeed(context, self._future.result())
+            return self._succeed(context, result)
         except bake.FAILURES as error:
-            return self._fail(error)
+            return self._fail(context, error)
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Called by Blender when it ends the operator, as when a file is opened or the program quits."""
         self._stop(context)
+        self.end(context)
 
     def _stop(self, context: bpy.types.Context) -> None:
         """Let go of the thread: where it still runs, it ends by itself at the next step and its work is dropped."""
@@ -101,15 +128,16 @@ class Threaded(ReadsScene):
         _redraw(context)
 
     def _succeed(self, context: bpy.types.Context, result: bake.Result) -> set[str]:
-        report = bake.write(result)
+        report = self.write(context, result)
         session.finish(report)
-        estimate.learn(report, context.scene, context.view_layer)
+        self.end(context)
         for warning in report["warnings"]:
             self.report({"WARNING"}, warning)
         self.report({"INFO"}, f"{translated('Radiosity baked')}: {summary(report)}")
         return {"FINISHED"}
 
-    def _fail(self, error: Exception) -> set[str]:
+    def _fail(self, context: bpy.types.Context, error: Exception) -> set[str]:
+        self.end(context)
         if isinstance(error, Cancelled):
             self.report({"INFO"}, translated("Bake cancelled, nothing was changed"))
         else:

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bake every frame of the scene's frame range."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import bpy
+
+from ..addon import animation, bake
+from .threaded import Threaded
+
+if TYPE_CHECKING:
+    import fmm_core
+
+
+class FMM_RADIOSITY_OT_bake_frames(Threaded, bpy.types.Operator):
+    """Bake each frame of the scene's frame range into a colour attribute that ends in its number, as Radiosity 0001"""
+
+    bl_idname = "fmm_radiosity.bake_frames"
+    bl_label = "Bake Frames"
+    bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
+
+    _frames: animation.Frames | None = None
+    _shown: tuple[int, float] | None = None
+
+    def read(self, context: bpy.types.Context) -> bake.Input:
+        """Read the first frame."""
+        scene = context.scene
+        self._shown = scene.frame_current, scene.frame_subframe
+        self._frames = animation.Frames(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
+        return self._frames.read(context)
+
+    def solve(self, data: bake.Input, settings: fmm_core.Settings, progress: bake.Progress | None) -> bake.Result:
+        """Solve a frame."""
+        return self._frames.compute(data, settings, progress)
+
+    def following(self, context: bpy.types.Context, result: bake.Result) -> bake.Input | None:
+        """The next frame."""
+        self._frames.take(result)
+        return self._frames.read(context)
+
+    def write(self, context: bpy.types.Context, result: bake.Result) -> dict:
+        """Write all frames."""
+        return self._frames.write()
+
+    def end(self, context: bpy.types.Context) -> None:
+        """Go back to the frame that was shown, and let go of what was solved."""
+        if self._shown is not None:
+            context.scene.frame_set(self._shown[0], subframe=self._shown[1])
+        self._shown = self._frames = None
