@@ -4,8 +4,9 @@
 uv run python benchmarks/measured_error.py [--json FILE] [--only NAME ...]
 
 The true error is that at up to 2,000 of the output points, against the light that 4,096 rays over each hemisphere find
-in a solution with ten times the rays and p = 8. What those rays are off by themselves is taken out: two sets of them
-give the mean of the product of both differences. `ratio` is measured over true.
+in a solution with ten times the rays and p = 8, and in what further rays from all surfaces say that it lacks. What they
+are off by themselves is taken out: two sets of them give the mean of the product of both differences. `ratio` is
+measured over true.
 """
 
 import argparse
@@ -18,13 +19,12 @@ from common import Array, Row, print_table, write_json
 from common import parser as base_parser
 from cycles_bake import Mesh
 from fmm_core import Scene, Settings, solve
-from fmm_core.reference import Reference
 from numpy.typing import NDArray
 from scenes import block, clutter, clutter_mesh, cornell, cornell_mesh, quad, sphere, subdivided
 
 Points = tuple[Array, Array]
-#: Points at which the true error is found, rays for each, and what the truth is solved with.
-JUDGED, TRUTH_RAYS = 2000, 4096
+#: Points at which the true error is found, rays for each and from all surfaces, and what the truth is solved with.
+JUDGED, TRUTH_RAYS, TRUTH_SAMPLES = 2000, 4096, 4_000_000
 FINE = Settings(method="fmm", truncation=8, rays=2000, particles=30_000, probes=0)
 #: The bar for the ratio, either way.
 FACTOR = 1.5
@@ -141,16 +141,14 @@ CASES = (
 SMALL = ("room, 500 points",)
 
 
-def truth(scene: Scene, points: Points) -> tuple[NDArray[np.int64], list[Array]]:
-    """Rows of some of the points, and two independent estimates (S, 3) of the irradiance there."""
+def truth(scene: Scene, points: Points) -> tuple[NDArray[np.int64], Array]:
+    """Rows (S,) of some of the points, and two independent estimates (2, S, 3) of the irradiance there."""
     fine = solve(scene, FINE)
     rows = np.random.default_rng(1).choice(len(points[0]), min(JUDGED, len(points[0])), replace=False)
-    reference, judged = Reference(fine.scene, fine._space.sums), (points[0][rows], points[1][rows])
-    solved = *judged, fine.radiosity, 0 * fine.radiosity, TRUTH_RAYS
-    return rows, [reference.irradiance(*solved, seed)[0] for seed in (1000, 1001)]
+    return rows, fine.estimates(points[0][rows], points[1][rows], TRUTH_RAYS, TRUTH_SAMPLES)
 
 
-def true_error(found: Array, exact: tuple[NDArray[np.int64], list[Array]]) -> float:
+def true_error(found: Array, exact: tuple[NDArray[np.int64], Array]) -> float:
     """Relative L2 error of irradiance (M, 3), as far as the truth tells."""
     rows, (one, other) = exact
     squared = ((found[rows] - one) * (found[rows] - other)).sum() / (one * other).sum()

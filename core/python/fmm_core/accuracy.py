@@ -23,6 +23,8 @@ Points = NDArray[np.float64]
 PROBE_RAYS, PARTICLE_RAYS = 512, 400_000
 #: What measuring may take, as a share of the other seconds of a bake; below so many of all rays it says nothing.
 SHARE, LEAST_EFFORT = 0.25, 0.25
+#: All rays are enough for targets from so large on; smaller ones need more, up to so many times as many.
+USUAL_TARGET, MOST_EFFORT = 0.01, 4.0
 #: Seconds of a ray, with all that is done for it, on one core: it need not be exact.
 RAY_SECONDS = 7e-7
 #: Applications of the exchange after which an error of the radiosity goes on as a geometric series.
@@ -75,7 +77,7 @@ def measure(
     """
     rng = np.random.default_rng(0)
     chosen = np.sort(rng.choice(len(found), size=min(settings.probes, len(found)), replace=False))
-    effort = _effort(len(chosen), *seconds)
+    effort = _effort(len(chosen), *seconds) if settings.target_error is None else _target_effort(settings.target_error)
     rays, samples = round(effort**0.5 * PROBE_RAYS), round(effort * PARTICLE_RAYS)
     gathered, further, traced = estimates(points[chosen], normals[chosen], solved, rays, samples, tick)
     whole = gathered + further
@@ -144,6 +146,11 @@ def propagated(exchange: Operator, albedo: Points, residual: Points) -> Points:
         total, term = total + following, following
     ratio = min(max(ratio, 0.0), float(albedo.max()))
     return total + term * ratio / (1 - ratio)
+
+
+def _target_effort(target: float) -> float:
+    """Share of all rays with which an error is measured that decides over the settings."""
+    return float(np.clip(USUAL_TARGET / target, 1.0, MOST_EFFORT))
 
 
 def _effort(probes: int, baked: float, application: float) -> float:

@@ -19,8 +19,8 @@ MAX_COMPRESSED = 8
 VISIBILITIES = ("rays", "cells")
 #: Order of the expansions and rays of a receiver where the settings leave them open.
 TRUNCATION, RAYS = 4, 200
-#: Random points that tell the error.
-PROBES = 300
+#: Random points that tell the error, and those where a target error depends on it.
+PROBES, TARGET_PROBES = 300, 1000
 #: The error of the default rays in rooms of all kinds, and the power of the rays by which errors fall.
 USUAL_ERROR, POWER = 0.006, 2 / 3
 #: Least and most rays that a target error asks for, and truncations for targets from so large on.
@@ -94,7 +94,7 @@ class Settings:
         if self.target_error is not None:
             truncation = next(p for least, p in TRUNCATIONS if self.target_error >= least)
             rays = round(RAYS * (USUAL_ERROR / self.target_error) ** (1 / POWER))
-            rays, probes = min(MOST_RAYS, max(LEAST_RAYS, rays)), probes or PROBES
+            rays, probes = min(MOST_RAYS, max(LEAST_RAYS, rays)), max(probes, TARGET_PROBES)
         return replace(
             self,
             truncation=truncation if self.truncation is None else self.truncation,

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The solved scene: irradiance anywhere, and the report."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -9,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .accuracy import PROBE_RAYS, Solved, measure
+from .accuracy import PROBE_RAYS, Solved, estimates, measure
 from .arrays import finite_rows, unit_rows
 from .direct_light import LIGHTING, Receivers
 from .effects import plan, planned
@@ -22,7 +21,7 @@ from .kept import KeptVisibility
 from .lights import Light
 from .multipole import MultipoleSpace
 from .particles import Particles, serve
-from .progress import Progress, Tick, ticker
+from .progress import Progress, Tick, silent, ticker
 from .report import Report, unmeasured
 from .scene import Scene
 from .settings import Settings
@@ -135,26 +134,38 @@ class Solution:
             self._lit_points = asked
         return self._lit_points.irradiance(self._planned.lights, self._planned.sky, tick)
 
+    def estimates(
+        self, points: ArrayLike, normals: ArrayLike, rays: int, samples: int, tick: Tick = silent
+    ) -> NDArray[np.float64]:
+        """Two independent estimates (2, M, 3) of the irradiance at points with normals (M, 3), W/m^2: noisy, but
+        right on average whatever this solution lacks, by so many rays for each point, and from all surfaces together.
+        """
+        points, normals = finite_rows("points", points) - self.scene.origin, unit_rows("normals", normals)
+        with memory_errors():
+            gathered, further, _ = estimates(points, normals, self._solved(rays), rays, samples, tick)
+        return gathered + further
+
     def _measured(self, irradiance: NDArray[np.float64], points: Points, normals: Points, tick: Tick) -> dict[str, Any]:
+        seconds = self._report.seconds
+        application = seconds["transport"] / max(1, len(self._report.residuals))
+        spent = sum(seconds.values()), application
+        return measure(irradiance, points, normals, self._solved(PROBE_RAYS), self.used, spent, tick)
+
+    def _solved(self, rays: int) -> Solved:
+        """What is measured; rays: to lamps and sky from each point."""
         lights, sky = self._planned.lights, self._planned.sky
 
         def lamps(points: Points, normals: Points) -> Points:
-            return Receivers(points, normals, self._space.sums.occlusion, PROBE_RAYS).irradiance(lights, sky)
+            return Receivers(points, normals, self._space.sums.occlusion, rays).irradiance(lights, sky)
 
         direct = self._exchange.direct(self._planned)
-        solved = Solved(self._planned, self._space, self._exchange.operator, self.radiosity, direct, lamps)
-        seconds = self._report.seconds
-        application = seconds["transport"] / max(1, len(self._report.residuals))
-        # What decides over the settings is measured as well as it can be.
-        baked = sum(seconds.values()) if self.used.target_error is None else math.inf
-        return measure(irradiance, points, normals, solved, self.used, (baked, application), tick)
+        return Solved(self._planned, self._space, self._exchange.operator, self.radiosity, direct, lamps)
 
     def _round(self) -> dict[str, Any]:
-        multipole = isinstance(self._space, MultipoleSpace)
         return {
-            "method": "fmm" if multipole else "direct",
+            "method": "direct" if self.grouping is None else "fmm",
             "truncation": self.used.truncation,
-            "grouping": self._space.grouping if multipole else None,
+            "grouping": self.grouping,
             "particles": self._report.counts["particles"],
             "rays": self.used.rays,
             "seconds": sum(self._report.seconds.values()),
@@ -218,6 +229,11 @@ class Solution:
         solution = Solution(scene, left, self.settings, self.used, *parts, self.kept, self._first)
         solution._lit_points, solution._relit = None if blocked else self._lit_points, True
         return solution
+
+    @property
+    def grouping(self) -> int | None:
+        """The particles s in a leaf of the octree, as it was chosen; None in the direct method."""
+        return self._space.grouping if isinstance(self._space, MultipoleSpace) else None
 
     @property
     def particles(self) -> Particles:

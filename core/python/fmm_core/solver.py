@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From a scene to its solution: particles, visibility, iteration."""
 
+from dataclasses import replace
+
 from .balance import is_watertight
 from .direct import DirectSpace
 from .effects import plan, planned
@@ -87,4 +89,5 @@ def _solve(
     exchange = Exchange(MultipoleSpace(sums, settings) if multipole else DirectSpace(sums), settings)
     radiosity = exchange.radiosity(scene, report, progress)
     report.counts["rays"], report.kept = sums.rays, sums.replayed > 0
-    return Solution(whole, scene, asked, settings, exchange, radiosity, report, kept, first)
+    used = replace(settings, particles=count)
+    return Solution(whole, scene, asked, used, exchange, radiosity, report, kept, first)
