@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     import bpy
 
 PROGRAM = "fmm-radiosity"
+#: Characters of the bar of progress.
+_BAR = 20
+#: Samples of Cycles in a study, and the most.
+_SAMPLES, _MOST_SAMPLES = (4, 16, 64), 1 << 20
 _SUFFIXES = {"-o": ".blend", "--report": ".json", "--preview": ".png"}
 
 #: What -o may end in besides for frames.
@@ -50,6 +54,10 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         fmm_core.Settings(**_chosen(options))
     except fmm_core.Error as error:
         raise UsageError(str(error)) from None
+    if options.command == "study":
+        if not all(1 <= count <= _MOST_SAMPLES for count in options.cycles or ()):
+            raise UsageError(f"--cycles: expected numbers of samples from 1 to {_MOST_SAMPLES}")
+        return options
     if options.frames is not None and (options.preview is not None or options.keep_visibility):
         raise UsageError("--frames: --preview and --keep-visibility are of one frame")
     suffixes = dict(_SUFFIXES)
@@ -67,7 +75,7 @@ def main(argv: Sequence[str]) -> int:
     try:
         options = parse(argv)
         with _quiet():
-            done = _run(options)
+            warnings, told = (_bake if options.command == "bake" else _study)(options)
     except SystemExit:
         return 0
     except UsageError as error:
@@ -76,9 +84,9 @@ def main(argv: Sequence[str]) -> int:
         return fail(bake.reason(error), 1)
     except KeyboardInterrupt:
         return fail("interrupted", 1)
-    for warning in done["warnings"]:
+    for warning in warnings:
         _say(f"{PROGRAM}: warning: {warning}")
-    sys.stdout.write(f"{options.output}: {report.summary(done)}\n")
+    sys.stdout.write(f"{told}\n")
     return 0
 
 
@@ -105,7 +113,8 @@ def _check_distinct(options: argparse.Namespace, scene: Path | str | None) -> No
 
 def _parser() -> _Parser:
     parser = _Parser(prog=PROGRAM, description="Radiosity baked into vertex colours.")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="command")
+    commands = parser.add_subparsers(title="commands", required=True, dest="command", metavar="command")
+    _add_study(commands)
     command = commands.add_parser("bake", help="bake a scene", description="Bake the radiosity of a scene.")
     add = command.add_argument
     add("scene", nargs="?", type=_file, help="the .blend file to read (inside Blender: the open file)")
@@ -137,6 +146,17 @@ def _parser() -> _Parser:
     return parser
 
 
+def _add_study(commands: argparse._SubParsersAction) -> None:
+    text = "Bake a scene again and again, and show what accuracy costs: a table, a CSV file and a picture."
+    add = commands.add_parser("study", help="show what accuracy costs", description=text).add_argument
+    add("scene", nargs="?", type=_file, help="the .blend file to read (inside Blender: the open file)")
+    add("--out", required=True, type=_file, help="folder for study.csv and study.png")
+    add("--target-error", type=float, help="relative error that is good enough (default: as in the scene, or 0.01)")
+    add("--particles", type=int, help="about how many points gather the light (default: chosen from the scene)")
+    add("--cycles", nargs="*", type=int, metavar="SAMPLES", help="also bake with Cycles, with so many samples "
+        f"({', '.join(map(str, _SAMPLES))})")  # fmt: skip
+
+
 def _file(name: str) -> Path:
     if not name:
         raise argparse.ArgumentTypeError("expected the name of a file, got an empty one")
@@ -156,8 +176,9 @@ def _frames(text: str) -> range:
 def _chosen(options: argparse.Namespace) -> dict[str, object]:
     """The settings that were given; the others come from the scene."""
     names = ("truncation", "grouping", "method", "target_error", "particles", "rays", "probes")
-    chosen = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
-    if options.forced or options.without:
+    chosen = {name: getattr(options, name, None) for name in names}
+    chosen = {name: value for name, value in chosen.items() if value is not None}
+    if options.command == "bake" and (options.forced or options.without):
         chosen["effects"] = dict.fromkeys(options.forced, True) | dict.fromkeys(options.without, False)
     return chosen
 
@@ -168,7 +189,8 @@ def _output(options: argparse.Namespace) -> dict[str, object]:
     return chosen | ({"colours": options.colours.upper()} if options.colours else {})
 
 
-def _run(options: argparse.Namespace) -> dict:
+def _bake(options: argparse.Namespace) -> tuple[list[str], str]:
+    """Bake; returns the warnings and what to tell of it."""
     import bpy
 
     from . import properties
@@ -180,15 +202,41 @@ def _run(options: argparse.Namespace) -> dict:
     context = bpy.context
     settings = properties.settings_of(context.scene, **_chosen(options))
     if options.frames is not None:
-        return _run_frames(options, context, settings)
-    keep = options.keep_visibility or context.scene.fmm_radiosity.keep_visibility
-    data = bake.read(context, keep, **_output(options))
-    done = bake.write(bake.compute(data, settings, _progress()))
-    _write_files(options, done, _save, data.arrays.corner_position)
-    return done
+        done = _bake_frames(options, context, settings)
+    else:
+        keep = options.keep_visibility or context.scene.fmm_radiosity.keep_visibility
+        data = bake.read(context, keep, **_output(options))
+        done = bake.write(bake.compute(data, settings, _progress()))
+        _write_files(options, done, _save, data.arrays.corner_position)
+    return done["warnings"], f"{options.output}: {report.summary(done)}"
 
 
-def _run_frames(options: argparse.Namespace, context: bpy.types.Context, settings: fmm_core.Settings) -> dict:
+def _study(options: argparse.Namespace) -> tuple[list[str], str]:
+    """The same for a study."""
+    import bpy
+
+    from . import chart, cycles, properties, study
+
+    table, picture = options.out / "study.csv", options.out / "study.png"
+    files.check_writable((table, picture))
+    _open(options.scene)
+    _leave_edit_mode()
+    context = bpy.context
+    data, settings = bake.read(context), properties.settings_of(context.scene, **_chosen(options))
+    progress = _progress()
+    done, judge, points = study.run(data, settings, progress)
+    if options.cycles is not None:
+        done = study.add(done, cycles.study(context, data.arrays, judge, points, options.cycles or _SAMPLES))
+    with files.Staged() as staged:
+        with files.writing(table):
+            staged.path(table).write_text(study.as_csv(done), encoding="utf-8")
+        with files.writing(picture):
+            chart.draw(done, study.title(bpy.data.filepath)).save(staged.path(picture))
+        staged.commit()
+    return [*data.arrays.warnings, *data.warnings], f"{study.table(done)}\n{picture}: the picture of it"
+
+
+def _bake_frames(options: argparse.Namespace, context: bpy.types.Context, settings: fmm_core.Settings) -> dict:
     frames = animation.solve(context, options.frames, settings, _progress(), **_output(options))
     if options.output.suffix == _FRAMES_SUFFIX:
         done, save = frames.report(), frames.save
@@ -280,7 +328,8 @@ def _progress() -> Callable[[float, str], bool] | None:
         return None
 
     def show(fraction: float, text: str) -> bool:
-        sys.stderr.write(f"\r\x1b[K{100 * fraction:3.0f} % {text}" if fraction < 1 else "\r\x1b[K")
+        bar = "#" * round(_BAR * fraction)
+        sys.stderr.write(f"\r\x1b[K[{bar:<{_BAR}}] {100 * fraction:3.0f} % {text}" if fraction < 1 else "\r\x1b[K")
         sys.stderr.flush()
         return True
 

@@ -131,6 +131,7 @@ class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
         for warning in report["warnings"][:_SHOWN_WARNINGS]:
             _draw_text(self.layout, context, warning, "ERROR")
         self.layout.operator("fmm_radiosity.show_report", icon="TEXT")
+        self.layout.operator("fmm_radiosity.study", icon="GRAPH")
 
 
 class FMM_RADIOSITY_PT_effects(_InSidebar, bpy.types.Panel):

@@ -16,6 +16,7 @@ from ..operators.refine import FMM_RADIOSITY_OT_refine
 from ..operators.relight import FMM_RADIOSITY_OT_relight
 from ..operators.show import FMM_RADIOSITY_OT_show
 from ..operators.show_report import FMM_RADIOSITY_OT_show_report
+from ..operators.study import FMM_RADIOSITY_OT_study
 from ..operators.subdivide import FMM_RADIOSITY_OT_subdivide
 from . import command_line, live, panels, preferences, properties, translations
 from .session import session
@@ -33,6 +34,7 @@ _CLASSES = (
     FMM_RADIOSITY_OT_add_nodes,
     FMM_RADIOSITY_OT_preset_add,
     FMM_RADIOSITY_OT_show_report,
+    FMM_RADIOSITY_OT_study,
     *panels.CLASSES,
 )
 #: Holds a folder "presets".

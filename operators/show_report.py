@@ -9,6 +9,7 @@ import bpy
 
 from ..addon import report
 from ..addon.session import session
+from .editors import editor
 
 NAME = "Radiosity Report"
 
@@ -32,16 +33,5 @@ class FMM_RADIOSITY_OT_show_report(bpy.types.Operator):
         text = bpy.data.texts.get(NAME) or bpy.data.texts.new(NAME)
         text.from_string(report.text(session.report))
         if not bpy.app.background:
-            _editor(context).text = text
+            editor(context, "TEXT_EDITOR").text = text
         return {"FINISHED"}
-
-
-def _editor(context: bpy.types.Context) -> bpy.types.SpaceTextEditor:
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "TEXT_EDITOR":
-                return area.spaces.active
-    bpy.ops.wm.window_new()
-    area = context.window_manager.windows[-1].screen.areas[0]
-    area.type = "TEXT_EDITOR"
-    return area.spaces.active

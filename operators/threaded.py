@@ -70,7 +70,7 @@ class Threaded(ReadsScene):
             while data is not None:
                 result = self.solve(data, settings, None)
                 data = self.following(context, result)
-            return self._succeed(context, result)
+            return self.succeed(context, result)
         except bake.FAILURES as error:
             return self._fail(context, error)
 
@@ -110,7 +110,7 @@ class Threaded(ReadsScene):
             return {"PASS_THROUGH"}
         self._stop(context)
         try:
-            return self._succeed(context, result)
+            return self.succeed(context, result)
         except bake.FAILURES as error:
             return self._fail(context, error)
 
@@ -127,7 +127,8 @@ class Threaded(ReadsScene):
         context.workspace.status_text_set(None)
         _redraw(context)
 
-    def _succeed(self, context: bpy.types.Context, result: bake.Result) -> set[str]:
+    def succeed(self, context: bpy.types.Context, result: bake.Result) -> set[str]:
+        """Write the colours, and tell of the bake."""
         report = self.write(context, result)
         session.finish(report)
         self.end(context)

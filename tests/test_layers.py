@@ -12,7 +12,7 @@ EXTENSION = sorted([ROOT / "__init__.py", *(ROOT / "addon").glob("*.py"), *(ROOT
 BLENDER = {"bpy", "bmesh", "mathutils", "addon_utils"}
 
 MESH_READS = {"foreach_get", "vertices", "loops", "polygons", "loop_triangles", "corner_normals", "object_instances"}
-READERS = {"export.py", "meshes.py", "subdivision.py", "textures.py"}
+READERS = {"cycles.py", "export.py", "meshes.py", "subdivision.py", "textures.py"}
 MESH_WRITES = {"foreach_set", "active_color_index", "render_color_index"}
 # Asking how many vertices and corners a mesh has is how the writer checks that it still fits.
 COUNTS_ONLY = {"vertices", "loops"}

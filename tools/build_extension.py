@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Builds dist/fmm_radiosity-<version>.zip for this platform, with its wheels: uv run tools/build_extension.py
 
-The core is one wheel for every Python from 3.11 on; embreex has one for each. Blender's own tool, which the bpy wheel
-brings along, validates and packs.
+The core is one wheel for every Python from 3.11 on; embreex and Pillow have one for each. Blender's own
+tool, which the bpy wheel brings along, validates and packs.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def main() -> int:
 
 def build(output: Path) -> Path:
     """Gather the wheels, stage what belongs into the zip, validate, pack, and check the result."""
-    wheels = [core_wheel(), *embreex_wheels()]
+    wheels = [core_wheel(), *library_wheels(ROOT / "core", "embreex"), *library_wheels(ROOT, "pillow")]
     output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         staged = Path(folder) / "fmm_radiosity"
@@ -75,20 +75,16 @@ def core_wheel() -> Path:
     return one_wheel("fmm_core-*-abi3-*.whl")
 
 
-def embreex_wheels() -> list[Path]:
-    """Wheels of the ray tracer for every Python, from the package index unless they are here already."""
-    core = tomllib.loads((ROOT / "core" / "pyproject.toml").read_text(encoding="utf-8"))
-    wanted = next(text for text in core["project"]["dependencies"] if text.startswith("embreex"))
-    for version in PYTHONS:
-        if not list(WHEELS.glob(embreex_pattern(version))):
+def library_wheels(project: Path, name: str) -> list[Path]:
+    """Wheels of a library that a project depends on, for every Python, from the package index unless they are here."""
+    text = (project / "pyproject.toml").read_text(encoding="utf-8")
+    wanted = next(wanted for wanted in tomllib.loads(text)["project"]["dependencies"] if wanted.startswith(name))
+    patterns = {version: f"{name}-*-cp{version.replace('.', '')}-cp*.whl" for version in PYTHONS}
+    for version, pattern in patterns.items():
+        if not list(WHEELS.glob(pattern)):
             run(*UV, "tool", "run", "--quiet", "pip", "--quiet", "download", "--no-deps", "--only-binary=:all:",
                 "--python-version", version, "--dest", str(WHEELS), wanted)  # fmt: skip
-    return [one_wheel(embreex_pattern(version)) for version in PYTHONS]
-
-
-def embreex_pattern(version: str) -> str:
-    """File name pattern of the embreex wheel for a Python version."""
-    return f"embreex-*-cp{version.replace('.', '')}-*.whl"
+    return [one_wheel(pattern) for pattern in patterns.values()]
 
 
 def one_wheel(pattern: str) -> Path:

@@ -270,6 +270,9 @@ def test_no_memory_is_one_line(command, room, tmp_path, fmm, monkeypatch, step):
         (["bake", "", "-o", "x.blend"], "scene"),
         (["bake", "a.blend", "-o", ""], "-o"),
         (["bake", "-o", "x.blend", "--bogus"], "--bogus"),
+        (["study"], "--out"),
+        (["study", "--out", "x", "--target-error", "2"], "target_error"),
+        (["study", "--out", "x", "--cycles", "16", "0"], "--cycles"),
     ],
 )
 def test_bad_arguments(command, arguments, named):
