@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,18 +32,23 @@ KEPT_SUFFIX = ".fmm-visibility"
 
 @dataclass(frozen=True)
 class Input:
-    """What a solve needs: the arrays of the scene, and the seconds it took to read them.
+    """What a solve needs: the scene as it was read, and the seconds that took.
 
     output: what is to be written; memory_limit: MiB that it may take, 0 for no limit; kept: the file that keeps
     visibility, or None; warnings: what could not be done as asked, one line each
     """
 
-    arrays: export.SceneArrays
+    scene: export.Reading
     seconds: float
     output: attributes.Output
     memory_limit: int = 0
     kept: Path | None = None
     warnings: tuple[str, ...] = ()
+
+    @cached_property
+    def arrays(self) -> export.SceneArrays:
+        """Those of the scene, put together when they are first asked for, in any thread."""
+        return self.scene.arrays()
 
 
 @dataclass(frozen=True)
@@ -89,17 +95,16 @@ def read(context: bpy.types.Context, keep: bool = False, **output: object) -> In
     from . import preferences, properties
 
     start, output = time.perf_counter(), properties.output_of(context.scene, **output)
-    arrays = export.read(context, context.scene.fmm_radiosity.scope)
-    attributes.check(arrays.receivers, output)
+    scene = export.read(context, context.scene.fmm_radiosity.scope)
+    attributes.check(scene.receivers, output)
     blend, kept, warnings = context.blend_data.filepath, None, ()
     if keep and blend:
         kept = preferences.kept_file(Path(blend), KEPT_SUFFIX)
     elif keep:
         warnings = ("visibility is not kept: save the .blend first, the file goes beside it",)
     limit, settings = preferences.memory_limit(), properties.settings_of(context.scene)
-    vertices, fitted = len(np.unique(arrays.corner_vertex)), output.colours == "FIT"
-    memory.check(estimate.predict(vertices, settings, fitted).memory_mib, limit)
-    return Input(arrays, time.perf_counter() - start, output, limit, kept, warnings)
+    memory.check(estimate.predict(scene.vertex_count, settings, output.colours == "FIT").memory_mib, limit)
+    return Input(scene, time.perf_counter() - start, output, limit, kept, warnings)
 
 
 def compute(
@@ -114,7 +119,9 @@ def compute(
     session: its solution is used where it serves, and is then that of this bake; solve: whether a new solve may be made
     where it does not, else fmm_core.Error is raised.
     """
-    arrays, warnings = data.arrays, list(data.warnings)
+    start, warnings = time.perf_counter(), list(data.warnings)
+    arrays = data.arrays
+    seconds = data.seconds + time.perf_counter() - start
     progress = memory.limited(progress, data.memory_limit)
     scene = scene_of(arrays)
     points = fmm_core.output_points(
@@ -157,7 +164,7 @@ def compute(
     if session is not None:
         session.solution = solution
     _save(solution.kept, data.kept, warnings)
-    return Result(arrays, output, layers, solution, data.seconds, tuple(warnings))
+    return Result(arrays, output, layers, solution, seconds, tuple(warnings))
 
 
 def scene_of(arrays: export.SceneArrays) -> fmm_core.Scene:

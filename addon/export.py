@@ -7,7 +7,7 @@ Objects that the viewport hides are not evaluated by Blender: they are left out 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -17,7 +17,8 @@ from fmm_core import Error, Light, Opacity, Sky
 
 from . import lights
 from .meshes import Layers, Mesh, World, is_closed, read_mesh, same_topology, triangle_centres, with_area
-from .sampling import Painted, Painter
+from .sampling import Painted, Painter, paint
+from .shapes import Shape, two_sided
 from .world import read_world
 
 if TYPE_CHECKING:
@@ -78,16 +79,7 @@ class SceneArrays:
     warnings: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Shape:
-    """What tells a room from a solid: position (V,3) m of the vertices, the number of triangles, whether closed."""
-
-    position: np.ndarray
-    triangles: int
-    closed: bool
-
-
-def read(context: bpy.types.Context, scope: str) -> SceneArrays:
+def read(context: bpy.types.Context, scope: str) -> Reading:
     """Read the scene of a context: "VISIBLE" as `read_scene` does; "SELECTED" the same, and only selected objects get
     colours; "SCENE" also what the viewport hides. Raises fmm_core.Error as `read_scene`.
     """
@@ -130,23 +122,26 @@ def count_vertices(layer: bpy.types.ViewLayer) -> int:
     return sum(len(obj.data.vertices) for obj in layer.objects if obj.type == "MESH" and obj.visible_get())
 
 
-def read_scene(depsgraph: bpy.types.Depsgraph, chosen: set[str] | None = None) -> SceneArrays:
+def read_scene(depsgraph: bpy.types.Depsgraph, chosen: set[str] | None = None) -> Reading:
     """Read every mesh that a render would show; only the chosen objects, or all, get colours.
 
-    Raises fmm_core.Error naming object and value where a vertex is not finite, where there is no mesh, no face, no
-    emitter, or no mesh that can take colours.
+    Raises fmm_core.Error naming object and value where a vertex is not finite.
     """
-    reader = _Reader(depsgraph, chosen)
+    reading = Reading(depsgraph, chosen)
     # Real objects first: a mesh that is also instanced is then baked where its own object stands.
     for of_instances in (False, True):
-        for instance in reader.shown(of_instances):
-            reader.take(instance)
-    return reader.finish()
+        for instance in reading.shown(of_instances):
+            reading.take(instance)
+    reading.close()
+    return reading
 
 
 @dataclass
-class _Reader:
-    """Collects the arrays of a scene, object after object."""
+class Reading:
+    """A scene as it was read, object after object; what is left to do needs no Blender.
+
+    receivers: the meshes that get colours; later: what puts the parts together
+    """
 
     depsgraph: bpy.types.Depsgraph
     chosen: set[str] | None
@@ -155,11 +150,14 @@ class _Reader:
     users: dict[str, list[str]] = field(default_factory=dict)
     remarks: dict[str, list[str]] = field(default_factory=dict)
     opacity_cells: list[np.ndarray | None] = field(default_factory=list)
-    shapes: list[_Shape] = field(default_factory=list)
+    shapes: list[Shape] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
     meshes: int = 0
-    corners: int = 0
-    vertices: int = 0
+    corner_count: int = 0
+    vertex_count: int = 0
+    later: list[Callable[[], None]] = field(default_factory=list)
+    scene: str = ""
+    sky: Sky | None = None
 
     def __post_init__(self) -> None:
         self.painter = Painter(_size(self.depsgraph) / DETAIL, {}, {})
@@ -199,15 +197,26 @@ class _Reader:
                 self.remark(f"object '{obj.name}' has no faces: left out")
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance, data: bpy.types.Mesh) -> None:
-        """Add the faces of one object or copy."""
+        """Add the faces of one object or copy: what Blender has to say now, all else later."""
         self.meshes += 1
         obj, mesh = instance.object, read_mesh(data)
+        name, materials = obj.name, _materials(obj)
         for text in (*lights.visibility_remarks(obj), *lights.linking_remarks(obj)):
-            self.remark(f"object '{obj.name}' {text}")
-        world = World(obj.name, mesh, np.array(instance.matrix_world, np.float64))
-        painted = self.paint(obj, data, mesh, world)
-        if self.is_receiver(instance, mesh):
-            self.add_corners(obj, mesh, world, painted)
+            self.remark(f"object '{name}' {text}")
+        world = World(name, mesh, np.array(instance.matrix_world, np.float64))
+        layers = Layers(data, mesh, world)
+        coats, remarks = self.painter.coats(mesh, layers, world.mirrored, materials)
+        for material, text in remarks:
+            self.remark(f"material '{material.name}' on object {_OBJECTS}: {text}", name)
+        offsets = self.add_receiver(instance, mesh) if self.is_receiver(instance, mesh) else None
+
+        def finish() -> None:
+            painted = paint(mesh, layers, world.mirrored, len(materials), coats)
+            self.add_faces(name, mesh, world, painted)
+            if offsets is not None:
+                self.add_corners(mesh, world, painted, *offsets)
+
+        self.later.append(finish)
 
     def take_light(self, obj: bpy.types.Object, matrix: np.ndarray) -> None:
         """Add one lamp, or a copy of one, where its matrix (4,4) puts it."""
@@ -217,21 +226,17 @@ class _Reader:
         for text in remarks:
             self.remark(f"light '{obj.name}' {text}")
 
-    def paint(self, obj: bpy.types.Object, data: bpy.types.Mesh, mesh: Mesh, world: World) -> Painted:
+    def add_faces(self, name: str, mesh: Mesh, world: World, painted: Painted) -> None:
         """Add everything that blocks, reflects or gives off light; triangles without area do none of it."""
-        painted = self.painter.paint(mesh, Layers(data, mesh, world), world.mirrored, _materials(obj))
-        for material, text in painted.remarks:
-            self.remark(f"material '{material.name}' on object {_OBJECTS}: {text}", obj.name)
         kept = with_area(world.position[mesh.corner_vertex[mesh.triangle_corners]])
         flat = len(mesh.face_corners) - len(np.unique(mesh.triangle_face[kept]))
         if flat:
             faces = "1 face" if flat == 1 else f"{flat} faces"
-            self.remark(f"object '{obj.name}': {faces} without area left out")
+            self.remark(f"object '{name}': {faces} without area left out")
         names = "triangles", "albedo", "emission", "opacity", "one_sided"
         self.append(**{name: getattr(painted, name) for name in names})
         self.opacity_cells += painted.opacity_cells
-        self.shapes.append(_Shape(world.position, len(painted.triangles), is_closed(mesh)))
-        return painted
+        self.shapes.append(Shape(world.position, len(painted.triangles), is_closed(mesh)))
 
     def is_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: Mesh) -> bool:
         """Whether the mesh of this object can take colours and has not been taken yet; says why not."""
@@ -255,24 +260,28 @@ class _Reader:
             return len(users) == 1
         return False
 
-    def add_corners(self, obj: bpy.types.Object, mesh: Mesh, world: World, painted: Painted) -> None:
-        """Everything that is needed to colour the mesh of an object."""
-        count = len(mesh.corner_vertex)
-        self.append(
-            corner_position=world.position[mesh.corner_vertex],
-            corner_normal=world.corner_normal,
-            corner_vertex=mesh.corner_vertex + self.vertices,
-            corner_triangle_centre=triangle_centres(mesh, world.position),
-            corner_albedo=painted.corner_albedo,
-            corner_emission=painted.corner_emission,
-            corner_triangles=mesh.triangle_corners + self.corners,
-        )
-        rows = slice(self.corners, self.corners + count)
+    def add_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: Mesh) -> tuple[int, int]:
+        """Let a mesh get colours; returns the numbers of its first corner and of its first vertex."""
+        obj, corners, vertices = instance.object, self.corner_count, self.vertex_count
+        self.corner_count += len(mesh.corner_vertex)
+        self.vertex_count += len(mesh.vertex)
+        rows = slice(corners, self.corner_count)
         self.receivers.append(
             Receiver(obj.original.data.name, obj.name, rows, mesh.corner_vertex, len(mesh.vertex), mesh.smooth)
         )
-        self.corners += count
-        self.vertices += len(mesh.vertex)
+        return corners, vertices
+
+    def add_corners(self, mesh: Mesh, world: World, painted: Painted, corners: int, vertices: int) -> None:
+        """Everything that is needed to colour a mesh whose corners and vertices count from these."""
+        self.append(
+            corner_position=world.position[mesh.corner_vertex],
+            corner_normal=world.corner_normal,
+            corner_vertex=mesh.corner_vertex + vertices,
+            corner_triangle_centre=triangle_centres(mesh, world.position),
+            corner_albedo=painted.corner_albedo,
+            corner_emission=painted.corner_emission,
+            corner_triangles=mesh.triangle_corners + corners,
+        )
 
     def append(self, **arrays: np.ndarray) -> None:
         """Add rows to the named arrays."""
@@ -285,28 +294,38 @@ class _Reader:
         if obj is not None and obj not in objects:
             objects.append(obj)
 
-    def finish(self) -> SceneArrays:
-        """Put the parts together, after checking that there is something to bake."""
+    def close(self) -> None:
+        """Read what belongs to no object; Blender is not asked for anything after this."""
         scene = self.depsgraph.scene
+        self.scene = scene.name
         self.add_scene_remarks()
-        sky, remarks = read_world(scene)
+        self.sky, remarks = read_world(scene)
         for text in remarks:
             self.remark(f"world '{scene.world.name}': {text}")
+
+    def arrays(self) -> SceneArrays:
+        """Put the parts together, in any thread.
+
+        Raises fmm_core.Error where there is no mesh, no face, no emitter, or no mesh that can take colours.
+        """
+        while self.later:
+            self.later.pop(0)()
+        scene, sky = self.scene, self.sky
         warnings = tuple(text.replace(_OBJECTS, _list(names)) for text, names in self.remarks.items())
         because = f" ({'; '.join(warnings)})" if warnings else ""
         if not self.meshes:
-            raise Error(f"scene '{scene.name}' has no mesh that a render would show{because}")
+            raise Error(f"scene '{scene}' has no mesh that a render would show{because}")
         if not sum(len(part) for part in self.parts.get("triangles", [])):
-            raise Error(f"no mesh of scene '{scene.name}' has a face{because}")
+            raise Error(f"no mesh of scene '{scene}' has a face{because}")
         if not self.receivers and self.chosen is not None:
             raise Error(f"nothing that can take colours is selected: select the meshes to bake onto{because}")
         if not self.receivers:
-            raise Error(f"no mesh of scene '{scene.name}' can take colours{because}")
+            raise Error(f"no mesh of scene '{scene}' can take colours{because}")
         arrays = {name: np.concatenate(parts) for name, parts in self.parts.items()}
         if not arrays["emission"].any() and not self.lights and sky is None:
-            raise Error(f"nothing in scene '{scene.name}' gives off light: add a lamp, give a mesh a material with an "
+            raise Error(f"nothing in scene '{scene}' gives off light: add a lamp, give a mesh a material with an "
                         f"Emission shader, or the world a colour{because}")  # fmt: skip
-        arrays["two_sided"] = _two_sided(self.shapes) & ~arrays.pop("one_sided")
+        arrays["two_sided"] = two_sided(self.shapes) & ~arrays.pop("one_sided")
         arrays["opacity"] = _opacity(arrays["opacity"], self.opacity_cells)
         return SceneArrays(
             **arrays, lights=tuple(self.lights), sky=sky, receivers=tuple(self.receivers), warnings=warnings
@@ -326,24 +345,6 @@ class _Reader:
                 self.remark(f"object '{obj.name}' is hidden in the viewport: left out")
 
 
-def _two_sided(shapes: Sequence[_Shape]) -> np.ndarray:
-    """(T,) bool for the triangles of all shapes: open ones, and closed ones that something else lies inside of.
-
-    A closed mesh with something in its bounding box may be a room, whose normals can point either way.
-    """
-    low = np.array([shape.position.min(axis=0) for shape in shapes])
-    high = np.array([shape.position.max(axis=0) for shape in shapes])
-    # Contact is no overlap, whatever the rounding.
-    margin = 1e-5 * (high - low).max(axis=1, keepdims=True)
-    inner_low, inner_high = low + margin, high - margin
-    flags = [not shape.closed for shape in shapes]
-    for i in np.flatnonzero([shape.closed for shape in shapes]):
-        near = ((low < inner_high[i]) & (high > inner_low[i])).all(axis=1)
-        near[i] = False
-        flags[i] = any(_any_inside(shapes[j].position, inner_low[i], inner_high[i]) for j in np.flatnonzero(near))
-    return np.repeat(flags, [shape.triangles for shape in shapes])
-
-
 def _opacity(values: np.ndarray, cells: list[np.ndarray | None]) -> Opacity:
     steps = [0 if grid is None else round(len(grid) ** 0.5) for grid in cells]
     grids = [grid for grid in cells if grid is not None]
@@ -360,10 +361,6 @@ def _size(depsgraph: bpy.types.Depsgraph) -> float:
             low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
     size = (high - low).max()
     return float(size) if np.isfinite(size) and size > 0 else 1.0
-
-
-def _any_inside(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
-    return bool(((points > low) & (points < high)).all(axis=1).any())
 
 
 def _materials(obj: bpy.types.Object) -> list[bpy.types.Material | None]:

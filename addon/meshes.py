@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,12 +36,22 @@ class Layers:
     """
 
     def __init__(self, data: bpy.types.Mesh, mesh: Mesh, world: World) -> None:
-        self._data, self._mesh = data, mesh
+        self._data, self._mesh, self._world = data, mesh, world
         self._known: dict[tuple[str, bool | None], np.ndarray | None] = {}
-        self.position, self.world = mesh.vertex[mesh.corner_vertex], world.position[mesh.corner_vertex]
-        size = np.array(data.texspace_size, float)
-        low = np.array(data.texspace_location, float) - size
-        self.generated = (self.position - low) / np.where(size > 0, 2 * size, np.inf)
+        self._size = np.array(data.texspace_size, float)
+        self._low = np.array(data.texspace_location, float) - self._size
+
+    @cached_property
+    def position(self) -> np.ndarray:
+        return self._mesh.vertex[self._mesh.corner_vertex]
+
+    @cached_property
+    def world(self) -> np.ndarray:
+        return self._world.position[self._mesh.corner_vertex]
+
+    @cached_property
+    def generated(self) -> np.ndarray:
+        return (self.position - self._low) / np.where(self._size > 0, 2 * self._size, np.inf)
 
     def uv(self, name: str) -> np.ndarray | None:
         """(C, 3) a UV map, the one used for renders where it has no name; None where there is none."""
@@ -76,7 +87,7 @@ class Layers:
 
 
 class World:
-    """A mesh carried into world space: position (V,3) in m, corner_normal (C,3) unit."""
+    """A mesh carried into world space: position (V,3) in m, corner_normal (C,3) unit, found when they are asked for."""
 
     def __init__(self, name: str, mesh: Mesh, matrix: np.ndarray) -> None:
         linear, offset = matrix[:3, :3], matrix[:3, 3]
@@ -86,31 +97,45 @@ class World:
         if len(bad):
             value = ", ".join(f"{x:g}" for x in mesh.vertex[bad[0]])
             raise Error(f"object '{name}': vertex {bad[0]} is at ({value}), which is not finite")
-        self.position = mesh.vertex @ linear.T + offset
+        self._mesh, self._linear, self._offset = mesh, linear, offset
         self.mirrored = np.linalg.det(linear) < 0
+
+    @cached_property
+    def position(self) -> np.ndarray:
+        return self._mesh.vertex @ self._linear.T + self._offset
+
+    @cached_property
+    def corner_normal(self) -> np.ndarray:
         # Normals go with the cofactors of the matrix, which exist for flattened objects too.
-        a, b, c = linear.T
+        a, b, c = self._linear.T
         cofactors = np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
-        normal = mesh.corner_normal @ cofactors * (-1.0 if self.mirrored else 1.0)
+        normal = self._mesh.corner_normal @ cofactors * (-1.0 if self.mirrored else 1.0)
         length = np.linalg.norm(normal, axis=1, keepdims=True)
-        self.corner_normal = np.where(length > 0, normal / np.where(length > 0, length, 1.0), (0.0, 0.0, 1.0))
+        return np.where(length > 0, normal / np.where(length > 0, length, 1.0), (0.0, 0.0, 1.0))
 
 
 def read_mesh(mesh: bpy.types.Mesh) -> Mesh:
-    """Read an evaluated mesh into arrays; positions become float64."""
+    """Read an evaluated mesh into arrays, by ways that copy them whole; positions become float64."""
     mesh.calc_loop_triangles()
     faces, triangles = mesh.polygons, mesh.loop_triangles
+    starts, materials = get(faces, "loop_start", np.int32), mesh.attributes.get("material_index")
+    sharp = mesh.attributes.get("sharp_face")
     return Mesh(
-        vertex=get(mesh.vertices, "co", np.float32, 3).astype(np.float64),
-        corner_vertex=get(mesh.loops, "vertex_index", np.int32),
+        vertex=get(mesh.attributes["position"].data, "vector", np.float32, 3).astype(np.float64),
+        corner_vertex=corner_vertices(mesh),
         corner_normal=get(mesh.corner_normals, "vector", np.float32, 3).astype(np.float64),
-        face_start=get(faces, "loop_start", np.int32),
-        face_corners=get(faces, "loop_total", np.int32),
-        face_material=get(faces, "material_index", np.int32),
-        smooth=bool(get(faces, "use_smooth", bool).all()),
+        face_start=starts,
+        face_corners=np.diff(starts, append=np.int32(len(mesh.loops))),
+        face_material=np.zeros(len(faces), np.int32) if materials is None else get(materials.data, "value", np.int32),
+        smooth=sharp is None or not get(sharp.data, "value", bool).any(),
         triangle_corners=get(triangles, "loops", np.int32, 3),
-        triangle_face=get(triangles, "polygon_index", np.int32),
+        triangle_face=get(mesh.loop_triangle_polygons, "value", np.int32),
     )
+
+
+def corner_vertices(mesh: bpy.types.Mesh) -> np.ndarray:
+    """(C,) the vertex of each corner."""
+    return get(mesh.attributes[".corner_vert"].data, "value", np.int32)
 
 
 def get(collection: bpy.types.bpy_prop_collection, name: str, dtype: type, width: int = 1) -> np.ndarray:
@@ -156,4 +181,4 @@ def same_topology(mesh: Mesh, original: bpy.types.Mesh) -> bool:
     """Whether corners and vertices of an evaluated mesh are those of the datablock, one by one."""
     if (len(original.vertices), len(original.loops)) != (len(mesh.vertex), len(mesh.corner_vertex)):
         return False
-    return bool((get(original.loops, "vertex_index", np.int32) == mesh.corner_vertex).all())
+    return bool((corner_vertices(original) == mesh.corner_vertex).all())

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from .textures import Image
 
 Array = np.ndarray
+#: Triangles, some in parts: positions, albedo, emission, opacity and its cells.
+_Sampled = tuple[Array, Array, Array, Array, list[Array | None]]
 
 #: Samples along the edge of a triangle at most: of colours, whose mean is wanted, and of alpha, whose edges are.
 MOST_COLOURS, MOST_ALPHA = 64, 128
@@ -52,7 +54,7 @@ class Painted:
     triangles (T', 3, 3): those of the mesh that have an area, in world space, some of them in parts
     albedo (T', 3), emission (T', 3) W/m^2, opacity (T',), one_sided (T',): as `fmm_core.Scene` and `Opacity` have
     them; opacity_cells: one array of n * n cells for each triangle, or None where it has a constant
-    corner_albedo, corner_emission (C, 3): colour and emission at the corners of the mesh; remarks: by material
+    corner_albedo, corner_emission (C, 3): colour and emission at the corners of the mesh
     """
 
     triangles: Array
@@ -63,7 +65,20 @@ class Painted:
     one_sided: Array
     corner_albedo: Array
     corner_emission: Array
-    remarks: list[tuple[bpy.types.Material, str]]
+
+
+@dataclass
+class Coat:
+    """One material on one mesh: a constant, or what was found on its triangles and corners.
+
+    slot: of the mesh; surface: everywhere, or at the corners that have it; found: as `_sampled` has it, None for a
+    constant
+    """
+
+    slot: int
+    surface: Surface
+    one_sided: bool
+    found: list[_Sampled] | None
 
 
 @dataclass
@@ -78,57 +93,49 @@ class Painter:
     images: dict[bpy.types.Image, Image]
     constants: dict[bpy.types.Material | None, tuple[Surface, bool, tuple[str, ...]]]
 
-    def paint(
+    def coats(
         self, mesh: Mesh, layers: Layers, mirrored: bool, materials: Sequence[bpy.types.Material | None]
-    ) -> Painted:
-        """A mesh whose slots have these materials; raises fmm_core.Error as `read_material`."""
-        corners = mesh.triangle_corners[:, ::-1] if mirrored else mesh.triangle_corners
-        corners = corners[with_area(layers.world[corners])]
-        slots = np.minimum(mesh.face_material, len(materials) - 1)
-        of_corners = np.repeat(slots, mesh.face_corners)
-        painted = Painted(
-            *([] for _ in range(6)),
-            np.zeros((len(of_corners), 3)),
-            np.zeros((len(of_corners), 3)),
-            [],
-        )
+    ) -> tuple[list[Coat], list[tuple[bpy.types.Material, str]]]:
+        """The materials of a mesh whose slots have these, and remarks by material; raises fmm_core.Error as
+        `read_material`.
+        """
+        slots, coats, remarks = slots_of(mesh, len(materials)), [], []
         for slot, material in enumerate(materials):
-            own, at = corners[of_corners[corners[:, 0]] == slot], np.flatnonzero(of_corners == slot)
-            if len(at):
-                self._add(painted, material, layers, own, at)
-        for name in ("triangles", "albedo", "emission", "opacity", "one_sided"):
-            parts = getattr(painted, name)
-            setattr(painted, name, np.concatenate(parts) if parts else np.zeros((0, *_SHAPES.get(name, ()))))
-        return painted
+            faces = slots == slot
+            if faces.any():
+                first = mesh.face_start[np.argmax(faces)]
+                coat, texts = self._coat(mesh, layers, mirrored, slot, len(materials), material, first)
+                coats.append(coat)
+                remarks += [(material, text) for text in texts]
+        return coats, remarks
 
-    def _add(
-        self, painted: Painted, material: bpy.types.Material | None, layers: Layers, own: Array, at: Array
-    ) -> None:
-        """The triangles with corners (K, 3) and the mesh corners that have one material."""
-        one_sided = False
+    def _coat(
+        self,
+        mesh: Mesh,
+        layers: Layers,
+        mirrored: bool,
+        slot: int,
+        count: int,
+        material: bpy.types.Material | None,
+        corner: int,
+    ) -> tuple[Coat, tuple[str, ...]]:
+        """One material, which the corner has."""
         if material in self.constants:
             surface, one_sided, remarks = self.constants[material]
-        else:
-            first = Points(layers, at[:1, None], np.ones((1, 1)))
-            surface = read_material(material, first, self.images)
-            remarks = surface.remarks
-            if first.sided:
-                one_sided, more = self._sides(material, surface, first)
-                remarks += more
-            if first.varies:
-                surface = None
-            else:
-                self.constants[material] = surface, one_sided, remarks
-        painted.remarks += [(material, text) for text in remarks]
-        if surface is not None:
-            painted.corner_albedo[at], painted.corner_emission[at] = surface.colour, surface.emission
-            self._extend(painted, layers.world[own], one_sided, *(np.repeat(part, len(own), axis=0) for part in
-                         (surface.albedo, surface.emission, surface.opacity)), [None] * len(own))  # fmt: skip
-            return
+            return Coat(slot, surface, one_sided, None), remarks
+        one_sided, first = False, Points(layers, np.array([[corner]]), np.ones((1, 1)))
+        surface = read_material(material, first, self.images)
+        remarks = surface.remarks
+        if first.sided:
+            one_sided, more = self._sides(material, surface, first)
+            remarks += more
+        if not first.varies:
+            self.constants[material] = surface, one_sided, remarks
+            return Coat(slot, surface, one_sided, None), remarks
+        own, at = _of_slot(mesh, layers, mirrored, count)(slot)
         at_corners = read_material(material, Points(layers, at[:, None], np.ones((len(at), 1))), self.images)
-        painted.corner_albedo[at], painted.corner_emission[at] = at_corners.colour, at_corners.emission
-        for found in _sampled(lambda points: read_material(material, points, self.images), layers, own, self.detail):
-            self._extend(painted, found[0], one_sided, *found[1:])
+        found = _sampled(lambda points: read_material(material, points, self.images), layers, own, self.detail)
+        return Coat(slot, at_corners, one_sided, found), remarks
 
     def _sides(self, material: bpy.types.Material, front: Surface, points: Points) -> tuple[bool, tuple[str, ...]]:
         """Whether a material that asks which side it is seen from is dark at its back; and a remark if it cannot be."""
@@ -140,21 +147,46 @@ class Painter:
         same = all(np.allclose(getattr(front, name), getattr(back, name), rtol=DARK) for name in names)
         return False, () if same else ("its back differs from its front, which is used on both sides",)
 
-    def _extend(
-        self, painted: Painted, triangles: Array, one_sided: bool, albedo: Array, emission: Array, opacity: Array,
-        cells: list[Array | None],
-    ) -> None:  # fmt: skip
-        painted.triangles.append(triangles)
-        painted.albedo.append(albedo)
-        painted.emission.append(emission)
-        painted.opacity.append(opacity)
-        painted.opacity_cells += cells
-        painted.one_sided.append(np.full(len(triangles), one_sided))
+
+def paint(mesh: Mesh, layers: Layers, mirrored: bool, count: int, coats: Sequence[Coat]) -> Painted:
+    """A mesh of so many slots with its coats; asks nothing of Blender."""
+    painted = Painted(*([] for _ in range(6)), *np.zeros((2, len(mesh.corner_vertex), 3)))
+    of_slot = _of_slot(mesh, layers, mirrored, count)
+    for coat in coats:
+        own, at = of_slot(coat.slot)
+        painted.corner_albedo[at], painted.corner_emission[at] = coat.surface.colour, coat.surface.emission
+        found = coat.found
+        if found is None:
+            of_surface = (coat.surface.albedo, coat.surface.emission, coat.surface.opacity)
+            constant = (np.repeat(part, len(own), axis=0) for part in of_surface)
+            found = [(layers.world[own], *constant, [None] * len(own))]
+        for triangles, albedo, emission, opacity, cells in found:
+            painted.triangles.append(triangles)
+            painted.albedo.append(albedo)
+            painted.emission.append(emission)
+            painted.opacity.append(opacity)
+            painted.opacity_cells += cells
+            painted.one_sided.append(np.full(len(triangles), coat.one_sided))
+    for name in ("triangles", "albedo", "emission", "opacity", "one_sided"):
+        parts = getattr(painted, name)
+        setattr(painted, name, np.concatenate(parts) if parts else np.zeros((0, *_SHAPES.get(name, ()))))
+    return painted
+
+
+def slots_of(mesh: Mesh, count: int) -> Array:
+    """(F,) the slot of each face, of so many."""
+    return np.minimum(mesh.face_material, count - 1)
+
+
+def _of_slot(mesh: Mesh, layers: Layers, mirrored: bool, count: int) -> Callable[[int], tuple[Array, Array]]:
+    """What has a slot, of so many: corners (K, 3) of the triangles with an area, and all corners of the mesh."""
+    corners = mesh.triangle_corners[:, ::-1] if mirrored else mesh.triangle_corners
+    corners = corners[with_area(layers.world[corners])]
+    of_corners = np.repeat(slots_of(mesh, count), mesh.face_corners)
+    return lambda slot: (corners[of_corners[corners[:, 0]] == slot], np.flatnonzero(of_corners == slot))
 
 
 _SHAPES = {"triangles": (3, 3), "albedo": (3,), "emission": (3,)}
-
-_Sampled = tuple[Array, Array, Array, Array, list[Array | None]]
 
 
 def _sampled(read: Callable[[Points], Surface], layers: Layers, corners: Array, detail: float) -> list[_Sampled]:

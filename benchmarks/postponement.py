@@ -63,7 +63,7 @@ def alternative() -> Triangles:
     importlib.import_module("addon.standalone")._load_extension()
     export = importlib.import_module("fmm_radiosity.addon.export")
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "examples" / "alternative.blend"))
-    arrays = export.read_scene(bpy.context.evaluated_depsgraph_get())
+    arrays = export.read_scene(bpy.context.evaluated_depsgraph_get()).arrays()
     return arrays.triangles, arrays.albedo, arrays.emission
 
 

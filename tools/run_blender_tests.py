@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs tests/blender/test_extension.py on three Blenders: uv run tools/run_blender_tests.py [version]
+"""Runs the tests of the installed extension on every Blender: uv run tools/run_blender_tests.py [version]
 
 Each gets an environment of its own under .venvs, about 1 GB, which is kept. All of them install the same zip.
 """
@@ -14,6 +14,7 @@ from pathlib import Path
 import build_extension
 
 ROOT = build_extension.ROOT
+TESTS = [str(ROOT / "tests" / "blender" / name) for name in ("test_extension.py", "test_round_trip.py")]
 # bpy: Python it is built for, and the numpy of that Blender.
 VERSIONS = {
     "4.2.23": ("3.11", "numpy==1.26.4"),
@@ -40,8 +41,7 @@ def passes(version: str, archive: Path) -> bool:
     """Run the tests on one version."""
     print(f"bpy {version}", flush=True)
     environment = os.environ | {"FMM_RADIOSITY_ZIP": str(archive), "FMM_RADIOSITY_PYTHON": str(python(version))}
-    tests = str(ROOT / "tests" / "blender" / "test_extension.py")
-    return subprocess.run([sys.executable, "-m", "pytest", "-q", tests], cwd=ROOT, env=environment).returncode == 0
+    return subprocess.run([sys.executable, "-m", "pytest", "-q", *TESTS], cwd=ROOT, env=environment).returncode == 0
 
 
 def python(version: str) -> Path:

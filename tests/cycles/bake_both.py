@@ -25,11 +25,11 @@ def main(scene: str, samples: int, seeds: int, out: str) -> None:
     settings = importlib.import_module("fmm_core").Settings()
     data = bake.read(bpy.context, colours="POINTS")
     result = bake.compute(data, settings)
-    reflected = np.pi * result.colours - data.arrays.corner_emission
-    ours = reflected / np.maximum(data.arrays.corner_albedo, 1e-9)
+    reflected = np.pi * result.colours - result.arrays.corner_emission
+    ours = reflected / np.maximum(result.arrays.corner_albedo, 1e-9)
     prepare_cycles(samples)
-    cycles = np.array([cycles_bake(data.arrays, seed) for seed in range(seeds)])
-    np.savez(out, ours=ours, cycles=cycles, inside=inside(data.arrays))
+    cycles = np.array([cycles_bake(result.arrays, seed) for seed in range(seeds)])
+    np.savez(out, ours=ours, cycles=cycles, inside=inside(result.arrays))
     package.unregister()
 
 

@@ -139,7 +139,7 @@ def bake(name):
     baking = importlib.import_module("fmm_radiosity.addon.bake")
     data = baking.read(bpy.context, colours="POINTS")
     result = baking.compute(data, importlib.import_module("fmm_core").Settings())
-    arrays = data.arrays
+    arrays = result.arrays
     ours = (np.pi * result.colours - arrays.corner_emission) / np.maximum(arrays.corner_albedo, 1e-9)
     cycles = np.array([cycles_bake(arrays, seed) for seed in range(2)])
     good = inside(arrays)

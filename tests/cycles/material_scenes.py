@@ -162,15 +162,15 @@ def main(name: str, samples: int, out: str) -> None:
     bpy.context.scene.fmm_radiosity.content = content
     bake = importlib.import_module("fmm_radiosity.addon.bake")
     data = bake.read(bpy.context, colours="POINTS")
-    assert not data.arrays.warnings, data.arrays.warnings
     result = bake.compute(data, importlib.import_module("fmm_core").Settings(**effort))
-    rows = next(receiver.rows for receiver in data.arrays.receivers if receiver.object == "Floor")
+    assert not result.arrays.warnings, result.arrays.warnings
+    rows = next(receiver.rows for receiver in result.arrays.receivers if receiver.object == "Floor")
     # A vertex on the rim of the floor may be a wall's as well.
-    x, y, _ = np.abs(data.arrays.corner_position[rows]).T
+    x, y, _ = np.abs(result.arrays.corner_position[rows]).T
     rows = np.arange(rows.start, rows.stop)[(x < x.max() - 1e-5) & (y < y.max() - 1e-5)]
     prepare_cycles(samples)
     passes = {"INDIRECT"} if content == "INDIRECT" else {"DIRECT", "INDIRECT"}
-    cycles = np.array([cycles_bake(data.arrays, seed, passes)[rows] for seed in range(2)])
+    cycles = np.array([cycles_bake(result.arrays, seed, passes)[rows] for seed in range(2)])
     ours = math.pi * result.colours[rows]
     np.savez(out, ours=ours, cycles=cycles)
     package.unregister()

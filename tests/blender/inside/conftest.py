@@ -32,7 +32,7 @@ def empty(fmm):
 @pytest.fixture
 def read(fmm):
     """Reads the open scene into arrays."""
-    return lambda: fmm.export.read_scene(bpy.context.evaluated_depsgraph_get())
+    return lambda: fmm.export.read_scene(bpy.context.evaluated_depsgraph_get()).arrays()
 
 
 @pytest.fixture

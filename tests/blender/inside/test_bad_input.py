@@ -114,8 +114,8 @@ def test_good_faces_beside_bad_ones_are_baked(build, command, tmp_path):
     assert command("bake", path, "-o", tmp_path / "out.blend") == (
         0,
         [
-            "fmm-radiosity: warning: object 'Torn': 1 face without area left out",
             "fmm-radiosity: warning: object 'Hollow' has no faces: left out",
+            "fmm-radiosity: warning: object 'Torn': 1 face without area left out",
         ],
     )
 

@@ -2,6 +2,7 @@
 """What is read from a scene."""
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import bpy
 import numpy as np
@@ -243,3 +244,23 @@ def test_negative_strength_is_an_error(build, read):
     build.quad("Lamp", build.material("Dark", "ShaderNodeEmission", Strength=-2.0))
     with pytest.raises(Error, match=r"material 'Dark': Strength is -2"):
         read()
+
+
+def test_what_was_read_is_put_together_in_a_thread_after_the_scene_is_gone(build, fmm, read):
+    build.room()
+    paint = bpy.data.meshes["Floor"].color_attributes.new("Paint", "FLOAT_COLOR", "CORNER")
+    paint.data.foreach_set("color", np.linspace(0, 1, 4 * len(paint.data)))
+    material = bpy.data.meshes["Floor"].materials[0]
+    node = material.node_tree.nodes.new("ShaderNodeVertexColor")
+    node.layer_name = "Paint"
+    shader = next(each for each in material.node_tree.nodes if each.bl_idname.startswith("ShaderNodeBsdf"))
+    material.node_tree.links.new(node.outputs["Color"], shader.inputs[0])
+    expected = read()
+    assert len(np.unique(expected.corner_albedo)) > 4
+    reading = fmm.export.read_scene(bpy.context.evaluated_depsgraph_get())
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with ThreadPoolExecutor(1) as pool:
+        found = pool.submit(reading.arrays).result()
+    for name in ("triangles", "albedo", "emission", "two_sided", "corner_position", "corner_normal", "corner_albedo"):
+        assert (getattr(found, name) == getattr(expected, name)).all(), name
+    assert found.receivers[0].mesh == expected.receivers[0].mesh

@@ -16,6 +16,7 @@ def select(*names):
     for obj in bpy.context.view_layer.objects:
         obj.select_set(obj.name in names)
     bpy.context.view_layer.objects.active = bpy.data.objects[names[0]]
+    bpy.context.view_layer.update()
 
 
 def edges(obj):

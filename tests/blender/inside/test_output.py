@@ -228,6 +228,7 @@ def test_expected_cost_follows_the_counted_rays_and_the_last_bake(build, fmm, se
     build.cube("Room", build.material("Wall"), size=1.2, inward=True).location = (0.5, 0.5, 0.5)
     settings.particles = 0
     scene, layer = bpy.context.scene, bpy.context.view_layer
+    layer.update()
     expected = fmm.estimate.of_scene(scene, layer)
     assert expected.colours == row * row + 4 + 8 + 8
     bake()
