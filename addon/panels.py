@@ -67,9 +67,11 @@ class _Quality:
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what decides over error and time."""
-        _draw_settings(self.layout, context, "target_error", "grouping", "particles")
-        if not context.scene.fmm_radiosity.target_error:
-            _draw_settings(self.layout, context, "truncation", "rays", "measure")
+        chosen = "truncation", "grouping", "rays", "particles", "measure"
+        if context.scene.fmm_radiosity.target_error:
+            # It chooses the others.
+            chosen = "grouping", "particles"
+        _draw_settings(self.layout, context, "target_error", *chosen)
 
 
 class _Output:
