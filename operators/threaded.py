@@ -4,19 +4,15 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
-from typing import TYPE_CHECKING
 
 import bpy
+import fmm_core
 from bpy.app.translations import pgettext_iface as translated
-from fmm_core import Cancelled
 
 from ..addon import bake, estimate, properties
 from ..addon.panels import draw_status
 from ..addon.report import summary
 from ..addon.session import Running, session
-
-if TYPE_CHECKING:
-    import fmm_core
 
 
 class ReadsScene:
@@ -93,7 +89,7 @@ class Threaded(ReadsScene):
         """Watch the thread."""
         if event.type == "ESC" and event.value == "PRESS":
             self._stop(context)
-            return self._fail(context, Cancelled())
+            return self._fail(context, fmm_core.Cancelled())
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         if not self._future.done():
@@ -139,7 +135,7 @@ class Threaded(ReadsScene):
 
     def _fail(self, context: bpy.types.Context, error: Exception) -> set[str]:
         self.end(context)
-        if isinstance(error, Cancelled):
+        if isinstance(error, fmm_core.Cancelled):
             self.report({"INFO"}, translated("Bake cancelled, nothing was changed"))
         else:
             self.report({"ERROR"}, bake.reason(error))

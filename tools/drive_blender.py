@@ -26,8 +26,8 @@ MODULE = "bl_ext.user_default.fmm_radiosity"
 ARCHIVE, OUT = map(Path, sys.argv[sys.argv.index("--") + 1 :])
 #: Seconds between two looks at what a bake does.
 LOOK = 0.02
-#: Seconds that nothing may hold up the program, beside drawing, on processors that bake at the same time.
-LONGEST_STALL = 0.25
+#: Seconds that nothing may hold up the program, beside drawing: other programs may run as well.
+LONGEST_STALL = 0.5
 Steps = Iterator[float]
 
 
@@ -102,7 +102,7 @@ def click(x: int, y: int) -> Steps:
 
 
 def shoot(name: str, panel: bool = False) -> None:
-    """Take a picture of the screen, or only of the sidebar."""
+    """Take a picture of the screen, or only of the sidebar, after `rest`."""
     crop = ()
     if panel:
         side = sidebar()
@@ -110,7 +110,14 @@ def shoot(name: str, panel: bool = False) -> None:
         top = window().height - side.y - side.height
         crop = ("-crop", f"{side.width}x{side.height}+{side.x}+{top}", "+repage")
     path = str(OUT / f"{name}.png")
-    subprocess.run(["import", "-silent", "-window", "root", *crop, "-colors", "256", path], check=True)
+    subprocess.run(["import", "-silent", "-window", "root", *crop, "+dither", "-colors", "256", path], check=True)
+
+
+def rest() -> Steps:
+    """Take the mouse away from buttons, whose hints would be in the picture."""
+    view = area("VIEW_3D")
+    window().event_simulate("MOUSEMOVE", "NOTHING", x=view.x + 40, y=view.y + 40)
+    yield 1.0
 
 
 def sidebar() -> bpy.types.Region:
@@ -214,6 +221,8 @@ def first_clicks() -> Steps:
     assert (shading.light, shading.color_type) == ("FLAT", "VERTEX"), "the button Show Result shows the colours"
     assert session().report["error"]["measured_rms"] < 0.02
     shoot("clicked")
+    yield from click(middle, round(top - 80 * scale))
+    assert shading.light != "FLAT", "the same button goes back"
 
 
 def until_done(limit: float = 300.0) -> Steps:
@@ -239,7 +248,7 @@ def bake_cornell_box(stalls: Stalls) -> Steps:
     before = all_colours()
     assert operate("fmm_radiosity.check", invoke=False) == {"FINISHED"}
     assert session().effects["occlusion"]["used"]
-    yield 1.0
+    yield from rest()
     shoot("panel_before", panel=True)
 
     assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
@@ -459,6 +468,27 @@ def material(name: str, colour: tuple[float, float, float], strength: float | No
     return made
 
 
+def study() -> Steps:
+    """Study the Cornell box, and find the picture in an image editor."""
+    yield from open_scene(ROOT / "examples" / "cornell_box.blend")
+    area("PROPERTIES").type = "IMAGE_EDITOR"
+    yield 0.5
+    assert operate("fmm_radiosity.study") == {"RUNNING_MODAL"}
+    yield from until_done()
+    space = area("IMAGE_EDITOR").spaces.active
+    assert min(space.image.size) > 100
+    # A wide editor for the picture.
+    area("VIEW_3D").type = "IMAGE_EDITOR"
+    yield 0.5
+    widest = max((found for found in window().screen.areas if found.type == "IMAGE_EDITOR"), key=lambda a: a.width)
+    widest.spaces.active.image = space.image
+    yield 0.5
+    with bpy.context.temp_override(window=window(), area=widest, region=widest.regions[-1]):
+        bpy.ops.image.view_all(fit_view=True)
+    yield 1.0
+    shoot("study_in_blender")
+
+
 def first_bake() -> Steps:
     """The scene that Blender starts with, untouched: it is baked, or a sentence says what is missing."""
     with bpy.context.temp_override(window=window()):
@@ -504,6 +534,7 @@ def day(stalls: Stalls) -> Steps:
     yield from many_vertices(stalls)
     yield from first_bake()
     yield from speak_german()
+    yield from study()
 
 
 def drive() -> None:

@@ -33,6 +33,13 @@ def test_wheel_holds_the_compiled_core(archive, tmp_path):
     assert any(name.startswith("fmm_core/_binding") and name.endswith((".so", ".pyd")) for name in names)
 
 
+def test_switching_on_prints_nothing(blender):
+    done = blender.run("-c", f"import bpy, addon_utils; addon_utils.enable('{MODULE}')")
+    assert done.returncode == 0
+    assert "Traceback" not in done.stdout + done.stderr
+    assert "Error: Python" not in done.stdout + done.stderr
+
+
 def test_switched_on_and_off_twenty_times_leaves_nothing_behind(blender):
     shown = blender.code(f"""
 import bpy
