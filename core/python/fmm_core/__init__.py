@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Diffuse global illumination (radiosity) by a fast multipole method, without any Blender in it."""
 
+from .brdf import Brdf
 from .effects import plan
 from .errors import Cancelled, Error
 from .evaluation import OutputPoints, output_points
 from .fit import Sight, VertexFit
+from .gloss import Gloss
 from .harmonics import irradiance_of, matched
 from .kept import KeptVisibility
 from .lights import AreaLight, Light, PointLight, SpotLight, SunLight
@@ -21,8 +23,10 @@ __all__ = [
     "EFFECTS",
     "MAX_ALBEDO",
     "AreaLight",
+    "Brdf",
     "Cancelled",
     "Error",
+    "Gloss",
     "KeptVisibility",
     "Light",
     "Opacity",

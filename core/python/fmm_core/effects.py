@@ -25,7 +25,7 @@ def plan(scene: Scene, settings: Settings) -> dict[str, Effect]:
 
     Where the settings force one, its reason says so; what the scene does not have at all cannot be forced on.
     """
-    decisions = (_occlusion, _interreflection, _colour, _lamps, _sky, _transparency, _two_sided)
+    decisions = (_occlusion, _interreflection, _colour, _lamps, _sky, _transparency, _two_sided, _glossy)
     # The paper's own algorithm asks rays in any scene.
     forced = {"occlusion": True} if settings.visibility == "cells" else {}
     forced |= settings.effects
@@ -46,6 +46,8 @@ def planned(scene: Scene, effects: dict[str, Effect]) -> Scene:
         left.opacity = None
     if "two_sided" in unused:
         left.two_sided = np.zeros_like(scene.two_sided)
+    if "glossy" in unused:
+        left.glossy = 0
     if "colour" in unused and not scene.is_grey:
         left = left.grey()
     return left
@@ -105,3 +107,9 @@ def _transparency(scene: Scene) -> Effect:
 def _two_sided(scene: Scene) -> Effect:
     count = np.count_nonzero(scene.two_sided)
     return Effect(True, f"{count} triangles of open meshes") if count else Effect(False, "no mesh is open")
+
+
+def _glossy(scene: Scene) -> Effect:
+    if not scene.glossy:
+        return Effect(False, "no gloss is to be seen by an eye")
+    return Effect(True, f"{scene.glossy} places shine towards an eye")

@@ -64,7 +64,7 @@ class Tilted:
         made = patterns.disc(count, shifts)
         return patterns.around(self._normals[rows], 1 - made[..., 0], made[..., 1])
 
-    def density(self, rows: slice, directions: Points) -> Points:
+    def density(self, _rows: slice, directions: Points, _count: int) -> Points:
         """One over the hemisphere."""
         return np.full(directions.shape[:2], 1 / (2 * np.pi))
 

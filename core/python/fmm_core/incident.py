@@ -35,8 +35,8 @@ class Response(Protocol):
     def directions(self, rows: slice, shifts: Points, count: int) -> Points:
         """(R, count, 3) unit directions from some of the receivers, more of them where the light counts for more."""
 
-    def density(self, rows: slice, directions: Points) -> Points:
-        """(R, K) per steradian, with which `directions` takes one of its directions."""
+    def density(self, rows: slice, directions: Points, count: int) -> Points:
+        """(R, K) per steradian, with which `directions` takes one of its directions, of so many."""
 
     def total(self, rows: slice, directions: Points, flux: Points) -> Points:
         """(R, J, 3) what comes out for light from directions (R, K, 3), of so many W/m^2 (R, K, 3) on a surface that
@@ -96,7 +96,7 @@ class Incident:
         row, k = np.nonzero(at.above(directions))
         chosen = directions[row, k]
         met = self._occlusion.met(at.points[row], at.normals[row], chosen, self._surface)
-        density = rays * at.response.density(at.rows, directions)
+        density = rays * at.response.density(at.rows, directions, rays)
         own = density[row, k]
         hit, radiance = met.particles >= 0, np.zeros((len(row), 3))
         radiance[hit] = self._radiosity[met.particles[hit]] / np.pi / own[hit, None]
@@ -130,13 +130,13 @@ class Incident:
         directions = between / distances[..., None]
         leaving = -(directions * particles.normals[chosen]).sum(axis=2)
         row, k = np.nonzero(at.above(directions) & (leaving > 0))
-        ray, reach = directions[row, k], distances[row, k]
-        seen = self._occlusion.transmitted(at.points[row], at.normals[row], ray, reach)
+        there = ends[row, k], particles.normals[chosen[row, k]]
+        seen = self._occlusion.sees(at.points[row], at.normals[row], *there).astype(float)
         triangles = particles.triangle[chosen[row, k]]
         if self._scene.opacity is not None:
             seen = seen * self._scene.opacity.mean[triangles]
-        aim = count * self._density[chosen[row, k]] * reach**2 / leaving[row, k]
-        total = aim + rays * at.response.density(at.rows, directions)[row, k]
+        aim = count * self._density[chosen[row, k]] * distances[row, k] ** 2 / leaving[row, k]
+        total = aim + rays * at.response.density(at.rows, directions, rays)[row, k]
         flux = np.zeros(directions.shape)
         flux[row, k] = (seen / total)[:, None] * self._scene.emission[triangles] / np.pi
         at.add(directions, flux, found)

@@ -25,6 +25,7 @@ COUNTS = (
     "pairs_invalid",
     "rays",
     "directed_rays",
+    "tables",
 )
 
 #: What `accuracy.measure` finds.

@@ -34,6 +34,7 @@ class Scene:
                 reflects its albedo; emission is that of the part which is there. None once all of it is 1.
     lights      lamps, see `lights.py`
     sky         what shines from all around, or None
+    glossy      how many places an eye is to see the gloss of, by `Solution.radiance`
     warnings    what was changed or left out, one line each
     origin      (3,) where the coordinates of the triangles count from, 0 as given
 
@@ -52,6 +53,7 @@ class Scene:
         opacity: ArrayLike | Opacity = 1.0,
         lights: Sequence[Light] = (),
         sky: Sky | None = None,
+        glossy: int = 0,
     ) -> None:
         corners = numbers("triangles", triangles)
         if corners.ndim != 3 or corners.shape[1:] != (3, 3):
@@ -81,6 +83,7 @@ class Scene:
             raise Error(f"triangles: the scene is {self.size:g} across, expected at least {SMALLEST:g}")
         self.origin = np.zeros(3)
         self.lights, self.sky = checked_lights(lights), _checked_sky(sky)
+        self.glossy = glossy
         self._check_lit()
 
     @property
@@ -114,9 +117,11 @@ class Scene:
         albedo: ArrayLike | None = None,
         lights: Sequence[Light] | None = None,
         sky: Sky | None = None,
+        glossy: int | None = None,
     ) -> "Scene":
         """The same triangles with other light or albedo, given for the same rows; None keeps what there is."""
         scene = copy.copy(self)
+        scene.glossy = self.glossy if glossy is None else glossy
         scene.warnings = list(self.warnings)
         if lights is not None:
             scene.lights = tuple(light.moved(-self.origin) for light in checked_lights(lights))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The solved scene: irradiance anywhere, and the report."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -15,6 +16,7 @@ from .effects import plan, planned
 from .errors import Error, memory_errors
 from .exchange import Exchange
 from .fit import Sight, VertexFit
+from .gloss import Gloss, Shine
 from .harmonics import Tilted
 from .incident import Incident
 from .kept import KeptVisibility
@@ -30,7 +32,7 @@ from .sky import Sky
 Points = NDArray[np.float64]
 
 #: What is going on, for whoever waits.
-DIRECTING = "Finding where light comes from"
+DIRECTING, SHINING = "Finding where light comes from", "Finding gloss"
 
 
 class Solution:
@@ -118,6 +120,44 @@ class Solution:
         self._report.counts["directed_rays"] += incident.rays
         return found
 
+    def radiance(
+        self,
+        points: ArrayLike,
+        normals: ArrayLike,
+        gloss: Gloss,
+        irradiance: Points,
+        progress: Progress | None = None,
+    ) -> Points:
+        """Radiance (M, 3) in W/(m^2 sr) that points (M, 3) with normals (M, 3) send towards an eye, reflected only.
+
+        gloss: how they reflect; irradiance (M, 3) is what was found there, for their diffuse part. What is glossy is
+        found by rays. Where the plan leaves gloss out, all of it is diffuse. Surfaces that the eye sees in others are
+        diffuse. progress as in `solve`. Raises `Error` as `irradiance`.
+        """
+        points, normals = self._receivers(points, normals)
+        if not len(points) == len(gloss.towards) == len(irradiance):
+            raise Error(f"gloss: expected {len(points)} rows like points, got {len(gloss.towards)}")
+        found = gloss.colour * irradiance / math.pi
+        if not self._planned.glossy:
+            return found
+        tick = ticker(progress, 0.0, 1.0, SHINING)
+        with memory_errors(), self._report.time("evaluate"):
+            incident = Incident(self._planned, self._space.sums, self.radiosity)
+            shines = np.flatnonzero(gloss.shines(normals))
+            done, shining = 0, gloss.of(shines)
+            for rows, table in shining.by_table():
+                at, seen = shines[rows], shining.of(rows)
+                share = len(rows) / len(shines)
+                lobes = incident.gather(
+                    points[at], normals[at], Shine(table, seen.towards, normals[at]), self.settings.rays,
+                    lambda part, done=done, share=share: tick(done + share * part),
+                )  # fmt: skip
+                done += share
+                found[at] = seen.radiance(table, normals[at], irradiance[at], lobes)
+                self._report.counts["tables"] += 1
+        self._report.counts["directed_rays"] += incident.rays
+        return found
+
     def _receivers(self, points: ArrayLike, normals: ArrayLike) -> tuple[Points, Points]:
         """Points and normals (M, 3), checked, where the scene was solved."""
         points, normals = finite_rows("points", points), unit_rows("normals", normals)
@@ -202,15 +242,16 @@ class Solution:
         lights: Sequence[Light] | None = None,
         sky: Sky | None = None,
         progress: Progress | None = None,
+        glossy: int | None = None,
     ) -> "Solution":
         """The same triangles solved with other light or albedo, without a new ray; also at the points asked last.
 
-        emission, albedo, lights, sky   as `Scene` takes them, for the same triangles; None keeps what there is. A
-        surface that did not emit at first is given as many rays as others that do not, of which a warning tells: see
+        emission, albedo, lights, sky, glossy   as `Scene` takes them, for the same triangles; None keeps what there is.
+        A surface that did not emit at first is given as many rays as others that do not, of which a warning tells: see
         `serves`. Lamps in new places, a first sky, and one with bright parts elsewhere take rays of their own.
         progress as in `solve`. Raises `Error` naming the array, the row and the value.
         """
-        scene = self.scene.relit(emission, albedo, lights, sky)
+        scene = self.scene.relit(emission, albedo, lights, sky, glossy)
         effects = plan(scene, self.settings)
         left = planned(scene, effects)
         report = Report(self.used, left, effects)
