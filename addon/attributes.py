@@ -28,7 +28,8 @@ class Output:
     name: of the attribute; content: "FULL" radiance, or the "LIGHTING" or "INDIRECT" light alone; domain: "POINT" or
     "CORNER", or "AUTO" for the smaller one without loss; byte: 8 bits a channel, cut at white, in place of floats;
     exposure: stops that bytes are made brighter by; colours: "FIT" to the light on the faces, or that at the "POINTS"
-    where the vertices are; directional: write four spherical harmonics of the light beside it
+    where the vertices are; directional: write four spherical harmonics of the light beside it;
+    view: and the radiance towards the active camera, with gloss
     """
 
     name: str = NAME
@@ -38,11 +39,17 @@ class Output:
     exposure: float = 0.0
     colours: str = "FIT"
     directional: bool = False
+    view: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
         """The attributes that are written, the main one first."""
-        return self.name, *self.harmonics
+        return self.name, *self.harmonics, *([self.view_name] if self.view else [])
+
+    @property
+    def view_name(self) -> str:
+        """The attribute of the view."""
+        return f"{self.name} View"
 
     @property
     def harmonics(self) -> tuple[str, ...]:

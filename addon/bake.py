@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import fmm_core
 import numpy as np
 
-from . import attributes, estimate, export, memory
+from . import attributes, estimate, export, materials, memory
 from .memory import Progress
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def read(context: bpy.types.Context, keep: bool = False, **output: object) -> In
     from . import preferences, properties
 
     start, output = time.perf_counter(), properties.output_of(context.scene, **output)
-    scene = export.read(context, context.scene.fmm_radiosity.scope)
+    scene = export.read(context, context.scene.fmm_radiosity.scope, output.view)
     attributes.check(scene.receivers, output)
     blend, kept, warnings = context.blend_data.filepath, None, ()
     if keep and blend:
@@ -134,7 +134,8 @@ def compute(
     solution = None if session is None else session.solution
     if solution is not None and _serves(solution, scene, settings, data.kept):
         sky = fmm_core.Sky(0.0) if arrays.sky is None else arrays.sky
-        solution = solution.relight(arrays.emission, arrays.albedo, arrays.lights, sky, part(progress, 0.0, 0.8))
+        parts = arrays.emission, arrays.albedo, arrays.lights, sky
+        solution = solution.relight(*parts, part(progress, 0.0, 0.8), glossy=scene.glossy)
         irradiance = solution.irradiance(found.points, found.normals, part(progress, 0.8, 0.9), effort)
     elif not solve:
         raise fmm_core.Error("more than lights and colours has changed since the last bake: bake again")
@@ -147,13 +148,14 @@ def compute(
         solution, irradiance = fmm_core.solve_at(
             scene, settings, *at, part(progress, 0.0, 0.9), _load(data.kept, warnings), effort
         )
-    output, black = data.output, None
+    output, black, whole = data.output, None, irradiance
     if output.content == "INDIRECT":
         # Black surfaces send nothing on: what is left is direct.
         black = solution.relight(albedo=np.zeros_like(arrays.albedo))
         irradiance = np.maximum(irradiance - black.irradiance(found.points, found.normals, effort=effort), 0.0)
     if fit is not None:
-        irradiance = fit.values(irradiance, solution.sight(fit))
+        sight = solution.sight(fit)
+        whole, irradiance = (fit.values(values, sight) for values in (whole, irradiance))
     layers = {output.name: colours_of(arrays, irradiance[points.inverse], output.content)}
     if output.directional:
         harmonics = solution.harmonics(points.points, points.normals, part(progress, 0.9, 1.0))
@@ -161,6 +163,8 @@ def compute(
             harmonics -= black.harmonics(points.points, points.normals)
         harmonics = fmm_core.matched(harmonics, points.normals, irradiance)[points.inverse]
         layers |= zip(output.harmonics, harmonics.transpose(1, 0, 2), strict=True)
+    if output.view:
+        layers[output.view_name] = view_of(arrays, points, solution, whole, part(progress, 0.95, 1.0))
     if session is not None:
         session.solution = solution
     _save(solution.kept, data.kept, warnings)
@@ -177,6 +181,7 @@ def scene_of(arrays: export.SceneArrays) -> fmm_core.Scene:
         arrays.opacity,
         lights=arrays.lights,
         sky=arrays.sky,
+        glossy=0 if arrays.eye is None else int(np.count_nonzero(arrays.corner_gloss[:, materials.SHINE])),
     )
 
 
@@ -216,6 +221,28 @@ def colours_of(arrays: export.SceneArrays, irradiance: np.ndarray, content: str)
     if content != "FULL":
         return irradiance / math.pi
     return (arrays.corner_emission + np.minimum(arrays.corner_albedo, fmm_core.MAX_ALBEDO) * irradiance) / math.pi
+
+
+def view_of(
+    arrays: export.SceneArrays,
+    points: fmm_core.OutputPoints,
+    solution: fmm_core.Solution,
+    irradiance: np.ndarray,
+    progress: Progress | None,
+) -> np.ndarray:
+    """Radiance (C,3) of corners towards the camera, for irradiance (M,3) at the output points."""
+    # Corners at one point may be of different materials.
+    mixed = arrays.corner_gloss @ np.random.default_rng(0).random(materials.GLOSS)
+    _, corner, inverse = np.unique(
+        np.column_stack([points.inverse, mixed]), axis=0, return_index=True, return_inverse=True
+    )
+    at = points.inverse[corner]
+    towards = arrays.eye[:3] - arrays.eye[3] * points.points[at]
+    # A point at the camera is seen from straight ahead.
+    towards = np.where(np.linalg.norm(towards, axis=1, keepdims=True) > 0, towards, points.normals[at])
+    gloss = materials.gloss_of(arrays.corner_gloss[corner].astype(float), towards)
+    found = solution.radiance(points.points[at], points.normals[at], gloss, irradiance[at], progress)
+    return found[inverse.reshape(-1)] + arrays.corner_emission / math.pi
 
 
 def write(result: Result) -> dict:

@@ -141,6 +141,7 @@ def _parser() -> _Parser:
     add("--colours", choices=("fit", "points"), help="fit: colours that match the light on the faces best; points: the "
         "light at the vertices themselves (default: as in the scene)")  # fmt: skip
     add("--directional", action="store_true", help="also write where the light comes from: four spherical harmonics")
+    add("--view", action="store_true", help="also write what the active camera sees, with gloss and metal")
     add("--report", type=_file, help="also write numbers and warnings to this .json file")
     add("--preview", type=_file, help=f"also render a picture of {preview.SIZE} x {preview.SIZE} to this .png file")
     return parser
@@ -185,7 +186,7 @@ def _chosen(options: argparse.Namespace) -> dict[str, object]:
 
 def _output(options: argparse.Namespace) -> dict[str, object]:
     """What is written, as far as it was given; the rest comes from the scene."""
-    chosen: dict[str, object] = {"directional": True} if options.directional else {}
+    chosen: dict[str, object] = {name: True for name in ("directional", "view") if getattr(options, name)}
     return chosen | ({"colours": options.colours.upper()} if options.colours else {})
 
 

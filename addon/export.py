@@ -57,8 +57,9 @@ class SceneArrays:
     opacity of the triangles.
     corner_* describe the C corners of all receivers, in mesh order: position (C,3) m, normal (C,3) unit, vertex (C,)
     int unique over the scene, triangle_centre (C,3) m of the largest triangle at the corner, albedo (C,3), and
-    emission (C,3) W/m^2. corner_triangles (R,3) are the corners of each triangle that the receivers are drawn with.
-    lights: the lamps; sky: what the world sends, or None.
+    emission (C,3) W/m^2, and gloss (C, materials.GLOSS) where there is an eye. corner_triangles (R,3) are the corners
+    of each triangle that the receivers are drawn with.
+    lights: the lamps; sky: what the world sends, or None; eye (4,): where the camera is, homogeneous, or None.
     """
 
     triangles: np.ndarray
@@ -72,22 +73,24 @@ class SceneArrays:
     corner_triangle_centre: np.ndarray
     corner_albedo: np.ndarray
     corner_emission: np.ndarray
+    corner_gloss: np.ndarray
     corner_triangles: np.ndarray
     lights: tuple[Light, ...]
     sky: Sky | None
     receivers: tuple[Receiver, ...]
     warnings: tuple[str, ...]
+    eye: np.ndarray | None = None
 
 
-def read(context: bpy.types.Context, scope: str) -> Reading:
+def read(context: bpy.types.Context, scope: str, view: bool = False) -> Reading:
     """Read the scene of a context: "VISIBLE" as `read_scene` does; "SELECTED" the same, and only selected objects get
-    colours; "SCENE" also what the viewport hides. Raises fmm_core.Error as `read_scene`.
+    colours; "SCENE" also what the viewport hides. view as in `read_scene`. Raises fmm_core.Error as it.
     """
     if scope == "SCENE":
         with _unhidden(context.view_layer):
-            return read_scene(context.evaluated_depsgraph_get())
+            return read_scene(context.evaluated_depsgraph_get(), view=view)
     chosen = {obj.name for obj in context.view_layer.objects if obj.select_get()} if scope == "SELECTED" else None
-    return read_scene(context.evaluated_depsgraph_get(), chosen)
+    return read_scene(context.evaluated_depsgraph_get(), chosen, view)
 
 
 @contextmanager
@@ -122,12 +125,13 @@ def count_vertices(layer: bpy.types.ViewLayer) -> int:
     return sum(len(obj.data.vertices) for obj in layer.objects if obj.type == "MESH" and obj.visible_get())
 
 
-def read_scene(depsgraph: bpy.types.Depsgraph, chosen: set[str] | None = None) -> Reading:
+def read_scene(depsgraph: bpy.types.Depsgraph, chosen: set[str] | None = None, view: bool = False) -> Reading:
     """Read every mesh that a render would show; only the chosen objects, or all, get colours.
 
-    Raises fmm_core.Error naming object and value where a vertex is not finite.
+    view: also where the active camera is, and the gloss that it sees.
+    Raises fmm_core.Error naming object and value where a vertex is not finite, or where a view has no camera.
     """
-    reading = Reading(depsgraph, chosen)
+    reading = Reading(depsgraph, chosen, _eye(depsgraph) if view else None)
     # Real objects first: a mesh that is also instanced is then baked where its own object stands.
     for of_instances in (False, True):
         for instance in reading.shown(of_instances):
@@ -145,6 +149,7 @@ class Reading:
 
     depsgraph: bpy.types.Depsgraph
     chosen: set[str] | None
+    eye: np.ndarray | None
     parts: dict[str, list[np.ndarray]] = field(default_factory=dict)
     receivers: list[Receiver] = field(default_factory=list)
     users: dict[str, list[str]] = field(default_factory=dict)
@@ -211,7 +216,7 @@ class Reading:
         offsets = self.add_receiver(instance, mesh) if self.is_receiver(instance, mesh) else None
 
         def finish() -> None:
-            painted = paint(mesh, layers, world.mirrored, len(materials), coats)
+            painted = paint(mesh, layers, world.mirrored, len(materials), coats, self.eye is not None)
             self.add_faces(name, mesh, world, painted)
             if offsets is not None:
                 self.add_corners(mesh, world, painted, *offsets)
@@ -280,6 +285,7 @@ class Reading:
             corner_triangle_centre=triangle_centres(mesh, world.position),
             corner_albedo=painted.corner_albedo,
             corner_emission=painted.corner_emission,
+            corner_gloss=painted.corner_gloss,
             corner_triangles=mesh.triangle_corners + corners,
         )
 
@@ -328,8 +334,9 @@ class Reading:
         arrays["two_sided"] = two_sided(self.shapes) & ~arrays.pop("one_sided")
         arrays["opacity"] = _opacity(arrays["opacity"], self.opacity_cells)
         return SceneArrays(
-            **arrays, lights=tuple(self.lights), sky=sky, receivers=tuple(self.receivers), warnings=warnings
-        )
+            **arrays, lights=tuple(self.lights), sky=sky, receivers=tuple(self.receivers), warnings=warnings,
+            eye=self.eye,
+        )  # fmt: skip
 
     def add_scene_remarks(self) -> None:
         """Warnings that belong to no single object that was read."""
@@ -349,6 +356,16 @@ def _opacity(values: np.ndarray, cells: list[np.ndarray | None]) -> Opacity:
     steps = [0 if grid is None else round(len(grid) ** 0.5) for grid in cells]
     grids = [grid for grid in cells if grid is not None]
     return Opacity(np.clip(values, 0, 1), steps, np.concatenate(grids) if grids else ())
+
+
+def _eye(depsgraph: bpy.types.Depsgraph) -> np.ndarray:
+    """(4,) where the active camera is, m, or in which direction it is if its rays are parallel, homogeneous."""
+    camera = depsgraph.scene.camera
+    if camera is None or camera.type != "CAMERA":
+        raise Error(f"scene '{depsgraph.scene.name}' has no camera that could see the gloss: add one, or leave the "
+                    "view out")  # fmt: skip
+    matrix = np.array(camera.evaluated_get(depsgraph).matrix_world, np.float64)
+    return matrix[:, 2] if camera.data.type == "ORTHO" else matrix[:, 3]
 
 
 def _size(depsgraph: bpy.types.Depsgraph) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from fmm_core import Error
+from fmm_core import Error, Gloss
 
 from .node_readers import plain
 from .node_values import Points, Unreadable, Values
@@ -34,6 +34,10 @@ GLOWING = 1 / 16
 #: Least share of a shader that is mixed with others: so what is transparent at a place has a colour there all the same.
 TRACE = 1e-6
 
+#: Columns of `Surface.gloss`: four colours, then sums of which `gloss_of` takes means.
+DIFFUSE, FACING, GRAZING, PLASTIC, LEVEL, SHINE, ROUGHNESS = (*(slice(k, k + 3) for k in (0, 3, 6, 9)), 12, 13, 14)
+GLOSS = 15
+
 #: Shaders that reflect all of their colour, and how the socket is called.
 _REFLECTING = {
     "ShaderNodeBsdfDiffuse": "Color",
@@ -44,6 +48,8 @@ _REFLECTING = {
     "ShaderNodeBsdfToon": "Color",
     "ShaderNodeSubsurfaceScattering": "Color",
 }
+#: Those of them that shine.
+_GLOSSY = {"ShaderNodeBsdfAnisotropic", "ShaderNodeBsdfGlossy", "ShaderNodeBsdfMetallic"}
 #: Principled inputs that do more than is simulated, where they are above 0.
 _LEFT_OUT = {
     "Transmission Weight": "the surface is taken as opaque",
@@ -66,7 +72,8 @@ class Surface:
     albedo (S, 3): share of the light that is reflected, diffuse and specular together; emission (S, 3): radiant
     exitance in W/m^2, pi times the radiance; opacity (S,): share of the light that does not pass straight through.
     colour (S, 3): the same without the specular layer of plastics, by which light is multiplied to be shown
-    All three are those of the part that is there: of all of the surface it is `opacity` times as much.
+    gloss (S, GLOSS): how it reflects towards an eye, to be taken apart by `gloss_of`
+    All but opacity are those of the part that is there: of all of the surface it is `opacity` times as much.
     remarks: what was left out or replaced, in words
     """
 
@@ -74,6 +81,7 @@ class Surface:
     emission: Array
     opacity: Array
     colour: Array
+    gloss: Array
     remarks: tuple[str, ...] = ()
 
 
@@ -84,14 +92,16 @@ def read_material(material: bpy.types.Material | None, points: Points, images: d
     emission is above MAX_EMISSION.
     """
     if material is None:
-        return Surface(GREY, BLACK, ALL, GREY)
+        return Surface(GREY, BLACK, ALL, GREY, _gloss(diffuse=GREY))
     if _without_nodes(material):
         colour = np.array([material.diffuse_color[:3]], float)
         colour = _checked(colour, material, "Base Color")
-        return Surface(colour, BLACK, ALL, colour)
+        return Surface(colour, BLACK, ALL, colour, _gloss(diffuse=colour))
     socket = _surface_socket(material.node_tree)
     if socket is None or not socket.is_linked:
-        return Surface(GREY, BLACK, ALL, GREY, ("has no shader at its Surface output, grey 0.8 is used",))
+        return Surface(
+            GREY, BLACK, ALL, GREY, _gloss(diffuse=GREY), ("has no shader at its Surface output, grey 0.8 is used",)
+        )
     shaders = _Shaders(material, Values(points, images))
     closure = shaders.closure(socket)
     opacity = 1 - np.clip(closure.passes, 0, 1)
@@ -101,21 +111,40 @@ def read_material(material: bpy.types.Material | None, points: Points, images: d
         opacity = np.where(glows, np.maximum(opacity, GLOWING), opacity)
     solid = np.where(opacity > 0, opacity, np.inf)[:, None]
     opacity = np.where(opacity > 10 * TRACE, np.where(opacity < 1 - 10 * TRACE, opacity, 1.0), 0.0)
-    parts = closure.albedo / solid, closure.emission / solid, opacity, closure.colour / solid
+    parts = closure.albedo / solid, closure.emission / solid, opacity, closure.colour / solid, closure.gloss / solid
     return Surface(*parts, tuple(shaders.remarks))
+
+
+def _gloss(
+    diffuse: Array = BLACK,
+    facing: Array = BLACK,
+    grazing: Array = BLACK,
+    plastic: Array = BLACK,
+    level: Array = NONE,
+    roughness: Array = NONE,
+) -> Array:
+    """(S, GLOSS) of one shader; the arguments as `fmm_core.Gloss` has them."""
+    weight = plastic.mean(axis=1) * level
+    shine = facing.mean(axis=1) + weight
+    count = max(len(part) for part in (diffuse, facing, grazing, plastic, level, roughness))
+    parts = [np.broadcast_to(part, (count, 3)) for part in (diffuse, facing, grazing, plastic)]
+    parts += [np.broadcast_to(part, count)[:, None] for part in (weight, shine, shine * roughness)]
+    return np.concatenate(parts, axis=1)
 
 
 @dataclass(frozen=True)
 class _Closure:
-    """What shaders together do, over all of the surface: albedo, emission, colour (S, 3), and what passes (S,)."""
+    """What shaders together do, over all of the surface: albedo, emission, colour (S, 3), what passes (S,), gloss."""
 
     albedo: Array
     emission: Array
     passes: Array
     colour: Array
+    gloss: Array
 
 
-_NOTHING = _Closure(BLACK, BLACK, NONE, BLACK)
+_DULL = np.zeros((1, GLOSS))
+_NOTHING = _Closure(BLACK, BLACK, NONE, BLACK, _DULL)
 
 
 class _Shaders:
@@ -143,11 +172,13 @@ class _Shaders:
         if kind == "ShaderNodeAddShader":
             return _sum((ALL, self.closure(node.inputs[0])), (ALL, self.closure(node.inputs[1])))
         if kind == "ShaderNodeBsdfTransparent":
-            return _Closure(BLACK, BLACK, self.colour(node, "Color").mean(axis=1), BLACK)
+            return _Closure(BLACK, BLACK, self.colour(node, "Color").mean(axis=1), BLACK, _DULL)
         if kind == "ShaderNodeEmission":
-            return _Closure(BLACK, self.emission(node, "Color", "Strength"), NONE, BLACK)
+            return _Closure(BLACK, self.emission(node, "Color", "Strength"), NONE, BLACK, _DULL)
         if kind == "ShaderNodeBsdfPrincipled":
             return self.principled(node)
+        if kind in _GLOSSY:
+            return self.glossy(node, _REFLECTING[kind])
         if kind in _REFLECTING:
             return _reflecting(self.colour(node, _REFLECTING[kind]))
         if kind == "ShaderNodeBsdfTranslucent":
@@ -157,6 +188,12 @@ class _Shaders:
             return _NOTHING
         self.remark(f"shader '{node.name}' is not simulated, grey 0.8 is used")
         return _reflecting(GREY)
+
+    def glossy(self, node: bpy.types.Node, name: str) -> _Closure:
+        """Reflects its colour; metal all of what comes along the surface."""
+        colour, roughness = self.colour(node, name), self.number(node, "Roughness")
+        grazing = np.ones((1, 3)) if node.bl_idname == "ShaderNodeBsdfMetallic" else colour
+        return _Closure(colour, BLACK, NONE, colour, _gloss(facing=colour, grazing=grazing, roughness=roughness))
 
     def principled(self, node: bpy.types.Node) -> _Closure:
         """The specular layer reflects its mean share, what it lets through the base reflects; metal reflects it all."""
@@ -175,7 +212,15 @@ class _Shaders:
                 self.remark(f"{name} is not simulated, {instead}")
         albedo, emission = (1 - metallic) * plastic + metallic * metal, self.emission(node, *_PRINCIPLED_EMISSION)
         opacity = np.clip(self.number(node, "Alpha"), TRACE, 1)
-        solid, clear = _Closure(albedo, emission, NONE, base), _Closure(BLACK, BLACK, ALL, BLACK)
+        gloss = _gloss(
+            (1 - metallic) * base,
+            metallic * base,
+            metallic * np.ones((1, 3)),
+            (1 - metallic) * tint,
+            facing_reflectance(level, ior),
+            rough,
+        )
+        solid, clear = _Closure(albedo, emission, NONE, base, gloss), _Closure(BLACK, BLACK, ALL, BLACK, _DULL)
         return _sum((opacity, solid), (1 - opacity, clear))
 
     def emission(self, node: bpy.types.Node, colour: str, strength: str) -> Array:
@@ -216,16 +261,30 @@ _PRINCIPLED_EMISSION = "Emission Color", "Emission Strength"
 
 
 def _reflecting(colour: Array) -> _Closure:
-    return _Closure(colour, BLACK, NONE, colour)
+    return _Closure(colour, BLACK, NONE, colour, _gloss(diffuse=colour))
 
 
 def _sum(*parts: tuple[Array, _Closure]) -> _Closure:
     """Closures added up, each times a weight (S,)."""
-    albedo, emission, colour = (
+    albedo, emission, colour, gloss = (
         sum(weight[:, None] * getattr(closure, name) for weight, closure in parts)
-        for name in ("albedo", "emission", "colour")
+        for name in ("albedo", "emission", "colour", "gloss")
     )
-    return _Closure(albedo, emission, sum(weight * closure.passes for weight, closure in parts), colour)
+    return _Closure(albedo, emission, sum(weight * closure.passes for weight, closure in parts), colour, gloss)
+
+
+def gloss_of(gloss: Array, towards: Array) -> Gloss:
+    """Rows (S, GLOSS) as the core takes them, for directions (S, 3) to the eye."""
+    weight, shine = gloss[:, PLASTIC].mean(axis=1), gloss[:, SHINE]
+    level = gloss[:, LEVEL] / np.where(weight > 0, weight, np.inf)
+    roughness = gloss[:, ROUGHNESS] / np.where(shine > 0, shine, np.inf)
+    return Gloss(towards, gloss[:, DIFFUSE], gloss[:, FACING], gloss[:, GRAZING], gloss[:, PLASTIC], level, roughness)
+
+
+def facing_reflectance(level: Array, ior: Array) -> Array:
+    """(S,) share of light from straight ahead that a smooth dielectric reflects."""
+    ior = np.maximum(ior, 1 / np.maximum(ior, 1e-3))
+    return np.clip(((ior - 1) / (ior + 1)) ** 2 * 2 * level, 0.0, 0.99)
 
 
 def mean_reflectance(level: Array, ior: Array) -> Array:
@@ -233,8 +292,7 @@ def mean_reflectance(level: Array, ior: Array) -> Array:
 
     By the fit of Kulla and Conty, Revisiting Physically Based Shading at Imageworks (2017).
     """
-    ior = np.maximum(ior, 1 / np.maximum(ior, 1e-3))
-    facing = np.clip(((ior - 1) / (ior + 1)) ** 2 * 2 * level, 0.0, 0.99)
+    facing = facing_reflectance(level, ior)
     ior = (1 + np.sqrt(facing)) / (1 - np.sqrt(facing))
     return np.clip((ior - 1) / (4.08567 + 1.00071 * ior), 0.0, 1.0)
 

@@ -83,7 +83,7 @@ class _Output:
         _draw_settings(self.layout, context, "scope", "content", "colours", "attribute_name", "domain", "byte")
         if context.scene.fmm_radiosity.byte:
             _draw_settings(self.layout, context, "exposure")
-        _draw_settings(self.layout, context, "directional", "keep_visibility")
+        _draw_settings(self.layout, context, "directional", "view", "keep_visibility")
         self.layout.operator("fmm_radiosity.bake_frames", icon="RENDER_ANIMATION")
 
 

@@ -86,6 +86,7 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
             ("sky", "Sky", ""),
             ("transparency", "Transparency", ""),
             ("two_sided", "Backs of Open Meshes", ""),
+            ("glossy", "Gloss", ""),
         ),
         default=set(),
     )
@@ -130,6 +131,12 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
         name="Directional",
         description="Also write where the light comes from, as four spherical harmonics in the attributes SH 0 to SH "
         "3, for engines that light normal maps with it",
+        default=False,
+    )
+    view: bpy.props.BoolProperty(
+        name="Camera View",
+        description="Also write what the active camera sees, with the gloss and metal of the materials, in the "
+        "attribute View",
         default=False,
     )
     domain: bpy.props.EnumProperty(
@@ -186,6 +193,7 @@ def output_of(scene: bpy.types.Scene, **overrides: object) -> attributes.Output:
         "exposure": own.exposure,
         "colours": own.colours,
         "directional": own.directional,
+        "view": own.view,
     }
     return attributes.Output(**(values | overrides))
 

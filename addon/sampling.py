@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from fmm_core.opacity import cell_centres
 
-from .materials import Surface, read_material
+from .materials import GLOSS, Surface, read_material
 from .meshes import Layers, Mesh, with_area
 from .node_values import Points
 
@@ -54,7 +54,8 @@ class Painted:
     triangles (T', 3, 3): those of the mesh that have an area, in world space, some of them in parts
     albedo (T', 3), emission (T', 3) W/m^2, opacity (T',), one_sided (T',): as `fmm_core.Scene` and `Opacity` have
     them; opacity_cells: one array of n * n cells for each triangle, or None where it has a constant
-    corner_albedo, corner_emission (C, 3): colour and emission at the corners of the mesh
+    corner_albedo, corner_emission (C, 3): colour and emission at the corners of the mesh; corner_gloss (C, GLOSS), or
+    no rows
     """
 
     triangles: Array
@@ -65,6 +66,7 @@ class Painted:
     one_sided: Array
     corner_albedo: Array
     corner_emission: Array
+    corner_gloss: Array
 
 
 @dataclass
@@ -148,13 +150,17 @@ class Painter:
         return False, () if same else ("its back differs from its front, which is used on both sides",)
 
 
-def paint(mesh: Mesh, layers: Layers, mirrored: bool, count: int, coats: Sequence[Coat]) -> Painted:
-    """A mesh of so many slots with its coats; asks nothing of Blender."""
-    painted = Painted(*([] for _ in range(6)), *np.zeros((2, len(mesh.corner_vertex), 3)))
+def paint(mesh: Mesh, layers: Layers, mirrored: bool, count: int, coats: Sequence[Coat], gloss: bool) -> Painted:
+    """A mesh of so many slots with its coats, and the gloss of its corners if wanted; asks nothing of Blender."""
+    corners = len(mesh.corner_vertex)
+    shine = np.zeros((corners if gloss else 0, GLOSS), np.float32)
+    painted = Painted(*([] for _ in range(6)), *np.zeros((2, corners, 3)), shine)
     of_slot = _of_slot(mesh, layers, mirrored, count)
     for coat in coats:
         own, at = of_slot(coat.slot)
         painted.corner_albedo[at], painted.corner_emission[at] = coat.surface.colour, coat.surface.emission
+        if gloss:
+            shine[at] = coat.surface.gloss
         found = coat.found
         if found is None:
             of_surface = (coat.surface.albedo, coat.surface.emission, coat.surface.opacity)

@@ -35,6 +35,7 @@ def scenes():
         "sealed room": (fmm_core.Scene(FURNISHED, 0.5, LIT, sky=Sky(1.0)), blocked),
         "room with a window": (fmm_core.Scene(FURNISHED[1:], 0.5, LIT[1:], sky=Sky(1.0)), blocked | {"sky"}),
         "glass box": (fmm_core.Scene(FURNISHED, 0.5, LIT, opacity=leaf), blocked | {"transparency"}),
+        "shining floor": (fmm_core.Scene(FLOOR, 0.5, sky=Sky(1.0), glossy=4), {"sky", "glossy"}),
         "open mesh": (fmm_core.Scene([*FLOOR, *(FLOOR + [0, 0, 1])], 0.5, 1.0, True), reflecting | {"two_sided"}),
     }
 

@@ -24,7 +24,7 @@ def upright(vectors):
 
 
 def ggx(incoming, outgoing, roughness):
-    """Walter and others (2007) with the correlated Smith term, about the normal z, all light reflected by the facets."""
+    """Walter and others (2007) with the correlated Smith term, about z, with perfect facets."""
     alpha2, half = roughness**4, incoming + outgoing
     z = half[..., 2] / np.linalg.norm(half, axis=-1)
     facets = alpha2 / (np.pi * (z**2 * (alpha2 - 1) + 1) ** 2)

@@ -90,7 +90,7 @@ class Gloss:
                 yield rows, table
         made = np.flatnonzero(self.measured < 0)
         level = np.where(self.plastic[made].max(axis=1, initial=0.0) > 0, self.level[made], 0.0)
-        kinds = np.column_stack([self.roughness[made], level])
+        kinds = np.round(np.column_stack([self.roughness[made], level]), 4)
         found, kind = np.unique(kinds, axis=0, return_inverse=True)
         if len(found) > MOST_TABLES:
             steps = [ROUGHNESS_STEP, LEVEL_STEP]

@@ -19,7 +19,7 @@ Points = NDArray[np.float64]
 #: Rays that are handled together.
 RAYS_PER_BLOCK = 1 << 16
 #: Rays to emitters, to a lamp and to the bright parts of a sky, for each ray over the hemisphere.
-AIMED, TO_LAMP, TO_BRIGHT = 0.5, 0.25, 0.25
+AIMED, TO_LAMP, TO_BRIGHT = 0.5, 0.5, 0.5
 #: Shift of the patterns of aimed rays against the others.
 OTHER = 0.618
 

@@ -149,7 +149,7 @@ class Solution:
                 at, seen = shines[rows], shining.of(rows)
                 share = len(rows) / len(shines)
                 lobes = incident.gather(
-                    points[at], normals[at], Shine(table, seen.towards, normals[at]), self.settings.rays,
+                    points[at], normals[at], Shine(table, seen.towards, normals[at]), self.used.rays,
                     lambda part, done=done, share=share: tick(done + share * part),
                 )  # fmt: skip
                 done += share
@@ -259,7 +259,7 @@ class Solution:
             report.warnings.append(
                 "relight: other triangles emit, or some that share a particle differ now; a new solve is more exact"
             )
-        report.counts.update(self._report.counts, rays=0, output_points=0)
+        report.counts.update(self._report.counts, rays=0, output_points=0, directed_rays=0, tables=0)
         report.kept = True
         report.postponement, report.traced = self._report.postponement, self._space.sums.rays
         with memory_errors():

@@ -65,6 +65,14 @@ class Build:
         edit.free()
         return ball
 
+    def camera(self, place):
+        """The active camera."""
+        camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+        camera.location = place
+        bpy.context.scene.collection.objects.link(camera)
+        bpy.context.scene.camera = camera
+        return camera
+
     def room(self):
         """A coloured floor, a cube on it, and a lamp above."""
         self.quad("Lamp", self.light("Glow", (3.0, 2.0, 1.0)), z=2.0, down=True)

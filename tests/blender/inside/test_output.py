@@ -123,6 +123,48 @@ def test_directional_light_from_the_command_line(build, command, tmp_path):
     assert len(bpy.data.meshes["Box"].color_attributes) == 5
 
 
+def test_the_view_is_the_full_colour_where_nothing_shines(build, settings, fmm):
+    build.room()
+    blue = bpy.data.materials["Blue"].node_tree.nodes["Principled BSDF"].inputs
+    blue["Specular IOR Level"].default_value = 0.0
+    settings.view = True
+    with pytest.raises(RuntimeError, match="no camera"):
+        bpy.ops.fmm_radiosity.bake()
+    assert all("Radiosity" not in mesh.attributes for mesh in bpy.data.meshes)
+    build.camera((2, -3, 3))
+    for content in ("FULL", "INDIRECT"):
+        settings.content = content
+        bake()
+        report = fmm.session.session.report
+        assert (report["counts"]["tables"], report["effects"]["glossy"]["used"]) == (0, False)
+        if content == "FULL":
+            expected = {mesh.name: of_corners(mesh, "Radiosity") for mesh in bpy.data.meshes}
+        for mesh in bpy.data.meshes:
+            assert np.allclose(of_corners(mesh, "Radiosity View"), expected[mesh.name], rtol=1e-5, atol=1e-6)
+
+
+def test_gloss_is_seen_by_the_camera(build, settings, fmm):
+    build.room()
+    blue = bpy.data.materials["Blue"].node_tree.nodes["Principled BSDF"].inputs
+    blue["Metallic"].default_value = 1.0
+    settings.view = True
+    camera, found = build.camera((2, -3, 3)), []
+    for place in ((2, -3, 3), (-3, 2, 1)):
+        camera.location = place
+        bake()
+        found.append(of_corners(bpy.data.meshes["Box"], "Radiosity View")[:, :3])
+        counts = fmm.session.session.report["counts"]
+        assert counts["tables"] == 1
+        assert counts["directed_rays"] > 0
+    assert np.linalg.norm(found[0] - found[1]) > 0.1 * np.linalg.norm(found[0])
+    dull = of_corners(bpy.data.meshes["Box"], "Radiosity")[:, :3]
+    assert np.linalg.norm(found[0] - dull) > 0.1 * np.linalg.norm(dull)
+    settings.without = {"glossy"}
+    bake()
+    assert fmm.session.session.report["counts"]["tables"] == 0
+    assert np.allclose(of_corners(bpy.data.meshes["Box"], "Radiosity View")[:, :3], dull, rtol=1e-4, atol=1e-6)
+
+
 def test_no_colours_but_those_that_are_asked_for(build, settings):
     build.room()
     bake()
