@@ -5,7 +5,7 @@ import fmm_core
 import numpy as np
 import pytest
 import shapes
-from fmm_core.balance import is_closed, is_watertight
+from fmm_core.balance import find_shares, is_closed, is_watertight
 from fmm_core.particles import make_particles
 from fmm_core.visibility import Occlusion
 
@@ -17,7 +17,7 @@ WINDOW = np.concatenate([ROOM[:-2], shapes.quad([0, 0, 1], [0, 1, 1], [1, 1, 1],
 
 def closed(triangles):
     scene = fmm_core.Scene(triangles, 0.5, 1.0)
-    return is_closed(Occlusion(scene), make_particles(scene, 600, 1))
+    return is_closed(find_shares(Occlusion(scene), make_particles(scene, 600, 1)))
 
 
 def test_a_room_is_closed_with_a_block_in_it_and_open_through_a_window():
@@ -74,3 +74,24 @@ def test_a_large_patch_does_not_take_a_small_lamp_for_its_own_size():
     exchanged = particles.weights * (solution.radiosity[:, 0] - emission[particles.triangle]) / 0.5
     assert received.sum() > 100 * 4e-6
     assert exchanged.sum() <= 4e-6 * 1.06
+
+
+@pytest.mark.parametrize("method", ["direct", "fmm"])
+def test_walls_that_are_there_twice_are_as_bright_as_once(method):
+    # Three walls once more, cut along the other diagonal, so that no triangle is there twice.
+    again = ROOM[:6].reshape(3, 2, 3, 3)
+    a, b, c, d = again[:, 0, 0], again[:, 0, 1], again[:, 0, 2], again[:, 1, 2]
+    doubled = np.concatenate([np.stack([b, c, d], axis=1), np.stack([b, d, a], axis=1)])
+    lamp = shapes.quad([0.3, 0.3, 0.6], [0.3, 0.7, 0.6], [0.7, 0.7, 0.6], [0.7, 0.3, 0.6])
+    light = {}
+    for name, walls in (("once", ROOM), ("twice", np.concatenate([ROOM, doubled]))):
+        triangles = np.concatenate([walls, lamp])
+        emission = (np.arange(len(triangles)) >= len(walls)).astype(float)
+        scene = fmm_core.Scene(triangles, 0.6, emission, two_sided=emission > 0)
+        solution = fmm_core.solve(scene, fmm_core.Settings(method=method, particles=1200, probes=0))
+        assert len(solution.scene.triangles) == len(triangles)
+        light[name] = solution.irradiance(*shapes.random_points(ROOM, 10))
+        received = solution.received * solution.particles.weights[:, None]
+        light[name + " in all"] = received.sum()
+    assert np.linalg.norm(light["twice"] - light["once"]) <= 0.02 * np.linalg.norm(light["once"])
+    assert light["twice in all"] == pytest.approx(light["once in all"], rel=0.01)

@@ -8,16 +8,14 @@ import embreex.rtcore_scene
 import fmm_core
 import numpy as np
 
-#: Rays over the hemisphere of each particle, even by cosine.
-RAYS = 64
-#: Particles that send them.
-MOST = 1000
+#: Rays over the hemisphere of each particle, even by cosine: at least and at most, and about how many together.
+LEAST, MOST, RAYS = 64, 512, 400_000
 SMALL = fmm_core.Settings(particles=300, probes=0)
 
 
 @dataclass(frozen=True)
 class Audit:
-    """Watts, the brightest colour's; irradiance (N, 3) at the particles."""
+    """Watts, the brightest colour's; irradiance (N, 3) that the particles receive."""
 
     solution: fmm_core.Solution
     irradiance: np.ndarray
@@ -35,8 +33,8 @@ def audit(scene, settings=SMALL):
     """Solves a scene and follows its light; asserts that all of it is finite and none negative."""
     solution = fmm_core.solve(scene, settings)
     particles = solution.particles
-    irradiance = solution.irradiance(particles.positions, particles.normals)
-    for light in (irradiance, solution.radiosity):
+    irradiance = solution.received
+    for light in (irradiance, solution.radiosity, solution.irradiance(particles.positions, particles.normals)):
         assert np.isfinite(light).all()
         assert light.min() >= 0
     weights, triangle = particles.weights[:, None], particles.triangle
@@ -51,20 +49,19 @@ def audit(scene, settings=SMALL):
 def escaping(scene, particles, leaving):
     """Of the watts (N,) that leave the particles, those that meet no triangle."""
     rng = np.random.default_rng(0)
-    chosen = rng.permutation(len(particles))[:MOST]
+    rays = max(LEAST, min(MOST, RAYS // len(particles)))
     centre, scale = scene.centre, scene.size / 2
     embree = embreex.rtcore_scene.EmbreeScene()
     _ = embreex.mesh_construction.TriangleMesh(embree, ((scene.triangles - centre) / scale).astype(np.float32))
-    normals = particles.normals[chosen]
-    ring = np.arange(RAYS)
-    radius = np.sqrt((ring + rng.random((len(chosen), 1))) / RAYS)
-    angle = 2 * np.pi * (0.5 * (np.sqrt(5) - 1) * ring + rng.random((len(chosen), 1)))
+    normals = particles.normals
+    ring = np.arange(rays)
+    radius = np.sqrt((ring + rng.random((len(particles), 1))) / rays)
+    angle = 2 * np.pi * (0.5 * (np.sqrt(5) - 1) * ring + rng.random((len(particles), 1)))
     across = np.cross(normals, np.where(np.abs(normals[:, :1]) > 0.6, [[0.0, 1, 0]], [[1.0, 0, 0]]))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     other = np.cross(normals, across)
     plane = (radius * np.cos(angle))[..., None] * across[:, None] + (radius * np.sin(angle))[..., None] * other[:, None]
     directions = plane + np.sqrt(1 - radius**2)[..., None] * normals[:, None]
-    origins = np.repeat((particles.positions[chosen] - centre) / scale + 2e-6 * normals, RAYS, axis=0)
+    origins = np.repeat((particles.positions - centre) / scale + 2e-6 * normals, rays, axis=0)
     missed = embree.run(origins.astype(np.float32), directions.reshape(-1, 3).astype(np.float32), query="OCCLUDED") != 0
-    share = missed.reshape(-1, RAYS).mean(axis=1)
-    return float((leaving[chosen] * share).sum() * leaving.sum() / (leaving[chosen].sum() or 1.0))
+    return float((leaving * missed.reshape(-1, rays).mean(axis=1)).sum())

@@ -104,6 +104,12 @@ impl Fmm {
         }
     }
 
+    /// What each source (N,) sends for one unit of strength to points of areas (N,), in a sum of points over themselves.
+    fn sent<'py>(&self, py: Python<'py>, areas: PyReadonlyArray1<f64>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let areas = flat(&areas)?;
+        Ok(vector(py, py.detach(|| self.driver.sent(areas)).map_err(value_error)?))
+    }
+
     /// How many of the triangles can be between points of the octrees: where any can, `occlude` makes the lists.
     fn n_blockers(&self) -> usize {
         self.driver.n_blockers()
@@ -320,6 +326,22 @@ pub fn contacts<'py>(py: Python<'py>, scene: PyReadonlyArray3<f64>) -> PyResult<
     let count = found.parts.len();
     let parts = PyArray1::from_vec(py, found.parts.into_flattened()).reshape([count, 2])?;
     Ok((vector(py, found.edges), vector(py, found.fractions), parts, vector(py, found.touched)))
+}
+
+/// How many sides of triangles (T, 3, 3) lie where each point (N, 3) does, up to `slack`, and face as it does.
+#[pyfunction]
+pub fn coincident<'py>(
+    py: Python<'py>,
+    points: Points,
+    normals: Points,
+    scene: PyReadonlyArray3<f64>,
+    two_sided: PyReadonlyArray1<bool>,
+    slack: f64,
+) -> PyResult<Bound<'py, PyArray1<u32>>> {
+    let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
+    let (triangles, two_sided) = (triangles(&scene)?, flat(&two_sided)?);
+    let found = py.detach(|| ::fmm::coincident::coincident(points, normals, triangles, two_sided, slack));
+    Ok(vector(py, found.map_err(value_error)?))
 }
 
 /// Whether all triangles (T, 3, 3) are inside a mesh without openings.

@@ -17,6 +17,7 @@ fn _binding(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(fmm::error_bound, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::tree_order, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::group, module)?)?;
+    module.add_function(wrap_pyfunction!(fmm::coincident, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::contacts, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::limit_threads, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::is_sealed, module)?)?;

@@ -39,7 +39,7 @@ pub fn direct_points(multipole_len: usize) -> usize {
 
 /// Everything that does not depend on the strengths: step 1, "Setup".
 pub struct Fmm {
-    expansion: Arc<dyn Expansion>,
+    pub(crate) expansion: Arc<dyn Expansion>,
     pub(crate) targets: Arc<Octree>,
     pub(crate) sources: Arc<Octree>,
     pub(crate) lists: Lists,
@@ -138,31 +138,12 @@ impl Fmm {
             links: &self.links,
             gather: &self.gather,
         };
-        let mut clock = Clock::default();
-        let q = self.sources.in_tree_order(strengths);
-        let mut multipoles = passes.zero_multipoles()?;
-        let mut locals = passes.zero_locals()?;
-        let mut irradiance = vec![[0.0; C]; self.targets.n_points()];
-
-        // Step 2, multipole coefficients.
-        clock.time("p2m", || passes.p2m(&q, &mut multipoles));
-        clock.time("m2m", || passes.m2m(&mut multipoles));
-        // Step 3, downward pass.
-        clock.time("m2l", || passes.m2l(&multipoles, &mut locals));
-        clock.time("p2l", || passes.p2l(&q, &mut locals));
-        clock.time("l2l", || passes.l2l(&mut locals));
-        // Step 4, evaluation.
-        clock.time("l2p", || passes.l2p(&locals, &mut irradiance));
-        clock.time("m2p", || passes.m2p(&multipoles, &mut irradiance));
-        clock.time("p2p", || passes.p2p(&q, &mut irradiance));
-        clock.time("links", || passes.links(&q, &mut irradiance));
-        clock.time("gather", || passes.gather(&q, &mut irradiance));
-
-        Ok((self.targets.in_scene_order(&irradiance), clock.seconds))
+        let (irradiance, seconds) = run(&passes, &self.sources.in_tree_order(strengths))?;
+        Ok((self.targets.in_scene_order(&irradiance), seconds))
     }
 
     /// The operators, made at the first application: counting work needs none.
-    fn translations(&self) -> &Translations {
+    pub(crate) fn translations(&self) -> &Translations {
         let make = || Translations::new(self.expansion.as_ref(), &self.batches, self.separation);
         self.translations.get_or_init(make)
     }
@@ -209,6 +190,33 @@ impl Fmm {
     pub fn expansion(&self) -> &dyn Expansion {
         self.expansion.as_ref()
     }
+}
+
+/// Irradiance (M, C) from strengths (N, C), tree order, and the seconds of each pass.
+pub(crate) fn run<const C: usize>(passes: &Passes<C>, q: &[[f64; C]]) -> Result<(Vec<[f64; C]>, Seconds), Error>
+where
+    dyn Expansion: InColours<C>,
+{
+    let mut clock = Clock::default();
+    let mut multipoles = passes.zero_multipoles()?;
+    let mut locals = passes.zero_locals()?;
+    let mut irradiance = vec![[0.0; C]; passes.targets.n_points()];
+
+    // Step 2, multipole coefficients.
+    clock.time("p2m", || passes.p2m(q, &mut multipoles));
+    clock.time("m2m", || passes.m2m(&mut multipoles));
+    // Step 3, downward pass.
+    clock.time("m2l", || passes.m2l(&multipoles, &mut locals));
+    clock.time("p2l", || passes.p2l(q, &mut locals));
+    clock.time("l2l", || passes.l2l(&mut locals));
+    // Step 4, evaluation.
+    clock.time("l2p", || passes.l2p(&locals, &mut irradiance));
+    clock.time("m2p", || passes.m2p(&multipoles, &mut irradiance));
+    clock.time("p2p", || passes.p2p(q, &mut irradiance));
+    clock.time("links", || passes.links(q, &mut irradiance));
+    clock.time("gather", || passes.gather(q, &mut irradiance));
+
+    Ok((irradiance, clock.seconds))
 }
 
 #[derive(Default)]

@@ -186,6 +186,19 @@ impl Gather {
         }
     }
 
+    /// Adds to what each source (N,) sends for one unit of strength, what it sends to points of areas (M,), tree order.
+    pub fn sent(&self, targets: &Octree, areas: &[[f64; 1]], sent: &mut [[f64; 1]]) {
+        let share = 1.0 / self.density as f64;
+        for open in &self.leaves {
+            let Some(hits) = open.hits.get() else { continue };
+            for (row, i) in targets.points_of(open.leaf as usize).enumerate() {
+                for &j in &hits.sources[hits.starts[row] as usize..hits.starts[row + 1] as usize] {
+                    sent[j as usize][0] += share * areas[i][0] / self.weights[j as usize];
+                }
+            }
+        }
+    }
+
     /// Sources met from all points together.
     pub fn count(&self) -> usize {
         self.leaves.iter().filter_map(|open| open.hits.get()).map(|hits| hits.sources.len()).sum()

@@ -4,6 +4,7 @@
 //! where all is grey, lengths are in the caller's unit throughout.
 
 pub mod cells;
+pub mod coincident;
 pub mod contacts;
 pub mod direct;
 pub mod driver;
@@ -20,6 +21,7 @@ pub mod lists;
 mod lists_batches;
 mod lists_traversal;
 pub mod meshes;
+mod mirror;
 pub mod near_field;
 pub mod octree;
 mod octree_build;

@@ -288,4 +288,28 @@ impl Links {
         let (x, n_x) = (&targets.positions[points.clone()], &targets.normals[points]);
         sources.add_visible(x, n_x, &sources.strengths(&strengths), &bits, irradiance);
     }
+
+    /// Adds to what each source (N,) sends for one unit of strength, what it sends to points of areas (M,), tree order.
+    pub fn sent(&self, targets: &Octree, areas: &[[f64; 1]], sent: &mut [[f64; 1]]) {
+        let runs = &self.runs;
+        let of_leaf = |links: &LeafLinks| -> Vec<(u32, f64)> {
+            let parts: Vec<u32> = links.runs.iter().flat_map(|&run| runs.runs[run as usize].parts.clone()).collect();
+            let mut of_parts = vec![0.0; parts.len()];
+            for (row, i) in targets.points_of(links.leaf as usize).enumerate() {
+                let (x, n_x) = (targets.positions[i], targets.normals[i]);
+                for (column, &part) in (0..).zip(&parts) {
+                    if self.is_set(self.bit(links, row, column)) {
+                        let part = part as usize;
+                        let (y, n_y, softening) = (runs.positions[part], runs.normals[part], runs.softening[part]);
+                        of_parts[column as usize] += areas[i][0] * kernel(x, n_x, y, n_y, softening);
+                    }
+                }
+            }
+            parts.into_iter().zip(of_parts).collect()
+        };
+        let of_leaves: Vec<Vec<(u32, f64)>> = self.leaves.par_iter().map(of_leaf).collect();
+        for (part, value) in of_leaves.into_iter().flatten() {
+            to_usize(&runs.parts[part as usize]).for_each(|j| sent[j][0] += value);
+        }
+    }
 }

@@ -136,3 +136,19 @@ fn one_channel_equals_three() {
         }
     }
 }
+
+#[test]
+fn what_sources_send_is_the_transposed_sum() {
+    let mut random = numbers();
+    let (x, n) = room(3000, 2, &mut random);
+    let options = OctreeOptions { grouping: Grouping::Adaptive { points: 30 }, by_normal: true };
+    let tree = Arc::new(Octree::new(&x, Some(&n), Grid::around(&[&x]).unwrap(), options).unwrap());
+    let lists = ListsOptions::new(1, true);
+    let fmm = Fmm::new(Arc::new(Whole::new(8)), tree.clone(), tree, &[1e-9; 3000], lists).unwrap();
+    let areas: Vec<f64> = (0..3000).map(|_| random()).collect();
+    let strengths: Vec<[f64; 1]> = (0..3000).map(|_| [random()]).collect();
+    let received: f64 = fmm.apply(&strengths).unwrap().iter().zip(&areas).map(|(h, area)| h[0] * area).sum();
+    let sent: f64 = fmm.sent(&areas).unwrap().iter().zip(&strengths).map(|(sent, q)| sent * q[0]).sum();
+    assert!((received / sent - 1.0).abs() < 1e-3, "{received} arrives of {sent}");
+    assert!(fmm.sent(&areas[1..]).is_err());
+}

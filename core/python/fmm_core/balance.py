@@ -2,9 +2,11 @@
 """What keeps the energy of an exchange: nobody receives more than a hemisphere holds, nobody sends more than he has.
 
 Patches that are hidden in part are told by few rays, so that those which a receiver sees may add up to more than its
-hemisphere, and light that is reflected again and again would grow. And a receiver whose one point happens to lie close
-to a small patch takes it for all of its own surface.
+hemisphere, and a receiver whose one point happens to lie close to a small patch takes it for all of its own surface:
+light that is reflected again and again would grow.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,50 +14,66 @@ from numpy.typing import NDArray
 from .particles import Particles
 from .visibility import Occlusion
 
-#: In a closed scene rows that are no further from 1 are made 1: those below see backs, inside objects. In others only
-#: those that are above: a few rays do not make more than that by chance, and to cut only one side would darken.
-CLOSE = 0.05
-#: Sources are let send this much more than they have: what is less evens out with what others send too little.
-TOO_MUCH = 1.0
+#: In an open scene rows that are further above 1 are made 1: a few rays do not make so much by chance, and to cut all
+#: that is above would darken. In a closed scene all are that are no further from it: those below see backs.
+CLOSE, CLOSED = 0.05, 0.3
+#: Receivers and sources are balanced in turn so many times.
+ROUNDS = 3
+#: Sources are made to send no more than this many times what they did.
+MORE = 2.0
 #: What receives less than this share of a hemisphere is taken to lie inside others, and not to be seen.
 SEEN = 0.3
 #: A scene is closed when no more of its rays leave it.
 LEAK = 1e-4
-#: Rays from each particle that tell, and particles asked at once.
-RAYS, BLOCK = 16, 1024
+#: Rays over the hemisphere of a particle, of one that emits, and about how many together.
+RAYS, EMITTER_RAYS, ALL_RAYS = 64, 512, 1_500_000
 #: Corners closer than this share of the scene are one.
 SAME_CORNER = 1e-9
 
 
+class Shares(NamedTuple):
+    """Of the rays over the hemisphere of each particle, the shares (N,) that meet a front, and anything at all."""
+
+    fronts: NDArray[np.float64]
+    met: NDArray[np.float64]
+
+
+def find_shares(occlusion: Occlusion, particles: Particles) -> Shares:
+    """What the particles see; emitters, whose light is most of it, send more rays to tell."""
+    fronts, met = np.empty(len(particles)), np.empty(len(particles))
+    usual = max(RAYS // 4, min(RAYS, ALL_RAYS // len(particles)))
+    for emits, rays in ((False, usual), (True, EMITTER_RAYS)):
+        rows = np.flatnonzero(particles.emits == emits)
+        rays = max(usual, min(rays, ALL_RAYS // max(1, len(rows))))
+        fronts[rows], met[rows] = occlusion.shares_met(particles.positions[rows], particles.normals[rows], rays)
+    return Shares(fronts, met)
+
+
 def received_balance(rows: NDArray[np.float64], closed: bool) -> NDArray[np.float64]:
     """Factors (M, 1) for receivers from what each gets (M, 1) where all surfaces have radiosity 1."""
-    wrong = rows > 1 + CLOSE
-    if closed:
-        wrong |= rows > 1 - CLOSE
-    return 1.0 / np.where(wrong, rows, 1.0)
+    wrong = np.abs(rows - 1) < CLOSED if closed else np.zeros(rows.shape, bool)
+    return 1.0 / np.where(wrong | (rows > 1 + CLOSE), rows, 1.0)
 
 
-def sent_balance(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Factors (N, 1) for sources from the share (N, 1) of their light that arrives anywhere."""
-    return 1.0 / np.where(columns > 1 + TOO_MUCH, columns, 1.0)
+def sent_balance(rows: NDArray[np.float64], columns: NDArray[np.float64], shares: Shares | None) -> NDArray[np.float64]:
+    """Factors (N, 1) for sources from their rows and columns (N, 1).
 
-
-def is_closed(occlusion: Occlusion, particles: Particles) -> bool:
-    """Whether light cannot leave the scene, by rays from a random selection of the particles.
-
-    What sees nothing at all is outside, or rests on another surface, and tells nothing.
+    rows: what each receives where all surfaces have radiosity 1; columns: the share of its light that arrives. Both
+    are the same by reciprocity, but for sums over points; rays tell between which bounds they lie.
     """
-    rng = np.random.default_rng(0)
-    chosen = rng.permutation(len(particles))[: 16 * BLOCK]
-    allowed = LEAK * RAYS * len(chosen)
-    missed = 0
-    for start in range(0, len(chosen), BLOCK):
-        rows = chosen[start : start + BLOCK]
-        lost = occlusion.missed(particles.positions[rows], particles.normals[rows], RAYS)
-        missed += int(lost[lost < RAYS].sum())
-        if missed > allowed:
-            return False
-    return True
+    goal = np.minimum(rows, 1.0)
+    if shares is not None:
+        goal = np.clip(goal, shares.fronts[:, None], shares.met[:, None])
+    return np.clip(goal / np.maximum(columns, np.finfo(float).tiny), 0.0, MORE)
+
+
+def is_closed(shares: Shares) -> bool:
+    """Whether light cannot leave the scene, by what its particles see.
+
+    What sees no front at all is outside, or rests on another surface, and tells nothing.
+    """
+    lost = 1.0 - shares.fronts
+    return bool(lost[shares.fronts > 0].sum() <= LEAK * len(lost))
 
 
 def is_watertight(triangles: NDArray[np.float64]) -> bool:

@@ -21,7 +21,7 @@ class DirectSpace:
 
     def __init__(self, sums: Sums) -> None:
         self.sums = sums
-        self._lit: NDArray[np.bool_] | None = None
+        self._lit, self._closed = np.ones((len(sums.particles), 1), bool), False
         self._gathered: tuple[NDArray[np.float64], NDArray[np.float64], list[Operator]] | None = None
 
     def exchange(self, tick: Tick = silent) -> Operator:
@@ -30,7 +30,8 @@ class DirectSpace:
             _check_memory(len(particles), 16 * len(particles) * self.sums.sources.words)
         operator = self.sums.direct_operator(particles.positions, particles.normals, True, tick)
         if self.sums.keeps_energy:
-            self._lit = operator.balanced(self.sums.closed, symmetric=True).lit
+            self._closed = self.sums.closed
+            self._lit = operator.balanced(self._closed, self.sums.shares)
         return operator
 
     def gather(
@@ -51,8 +52,8 @@ class DirectSpace:
         for start in range(0, len(points), size):
             rows = slice(start, start + size)
             operator = self.sums.direct_operator(points[rows], normals[rows])
-            if self._lit is not None:
-                operator.balanced(self.sums.closed, self._lit)
+            if self.sums.keeps_energy:
+                operator.received_balanced(self._closed, self._lit)
             irradiance[rows] = operator.apply(radiosity)
             if keep:
                 operators.append(operator)

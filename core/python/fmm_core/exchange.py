@@ -56,6 +56,12 @@ class Exchange:
             tick = ticker(progress, 0.8, 1.0, "Exchanging light")
             return iterate(self.operator, scene, particles, direct, self._settings, report, tick)
 
+    def received(self, scene: Scene, radiosity: NDArray[np.float64], report: Report) -> NDArray[np.float64]:
+        """Irradiance (N, 3) of the particles for their radiosity (N, C), lamps and sky, W/m^2."""
+        if self.operator is None:
+            self._make(report, None)
+        return np.maximum(self.operator.apply(radiosity), 0.0) + self._lit.irradiance(scene.lights, scene.sky)
+
     def direct(self, scene: Scene, tick: Tick = silent) -> NDArray[np.float64]:
         """Irradiance (N, 3) of the particles from lamps and sky, as far as they reflect it."""
         if not scene.albedo.any():

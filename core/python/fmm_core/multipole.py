@@ -2,7 +2,6 @@
 """The fast multipole method: octrees, interaction lists and expansions in place of the sum over all pairs."""
 
 import time
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +34,6 @@ class MultipoleSpace:
     counts     how much work the exchange does, by pass
     pairs      pairs of boxes that see each other as a whole, that were postponed because they may not, and that do not
     open       whether nothing is in the way of anything
-    lit        (N, 1) which particles others can see
     occlusion_seconds   seconds that visibility took in the sum made last
     """
 
@@ -49,7 +47,7 @@ class MultipoleSpace:
         self.pairs = (0, 0, 0)
         self.occlusion_seconds, self.open = 0.0, True
         self._gathered: tuple[Points, Points, float, Operator] | None = None
-        self.lit: NDArray[np.bool_] | None = None
+        self._lit, self._closed = np.ones((len(particles), 1), bool), False
 
     def use(self, settings: Settings) -> None:
         """Gathers with other settings from now on."""
@@ -60,18 +58,18 @@ class MultipoleSpace:
         points, normals = self.sums.particles.positions, self.sums.particles.normals
         fmm, correction = self._fmm(None, points, normals, particle_rays(self.settings, len(self.sums.particles)), tick)
         self.counts, self.pairs = fmm.counts(), fmm.outcomes()
-        operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
+        mirrored = lambda areas: fmm.sent(areas[:, 0])[:, None]  # noqa: E731
+        operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction, mirrored)
         if self.sums.keeps_energy:
-            self.lit = operator.balanced(self.closed).lit
+            # Where nothing is in the way no ray is needed to tell.
+            sealed = self.open and self.sums.occlusion is not None
+            self._closed = self._is_sealed() if sealed else self.sums.closed
+            self._lit = operator.balanced(self._closed, None if sealed else self.sums.shares)
         return operator
 
-    @cached_property
-    def closed(self) -> bool:
-        """Whether light cannot leave the scene, once it is known whether anything is in the way."""
+    def _is_sealed(self) -> bool:
         occlusion = self.sums.occlusion
-        if occlusion is None:
-            return self.sums.closed
-        return self.open and occlusion.whole and is_watertight(occlusion.triangles)
+        return occlusion.whole and is_watertight(occlusion.triangles)
 
     def gather(
         self, points: Points, normals: Points, radiosity: Points, tick: Tick = silent, effort: float = 1.0
@@ -82,8 +80,8 @@ class MultipoleSpace:
         if self._gathered is None or not _same(self._gathered, points, normals, rays):
             fmm, correction = self._fmm((points, normals), points, normals, rays, tick)
             operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
-            if self.lit is not None:
-                operator.balanced(self.closed, self.lit)
+            if self.sums.keeps_energy:
+                operator.received_balanced(self._closed, self._lit)
             self._gathered = points.copy(), normals.copy(), rays, operator
         return self._gathered[3].apply(radiosity)
 

@@ -21,6 +21,8 @@ SLIVER = 50.0
 SOFTENING = 1e-3
 #: Triangles whose albedos are the same to so many steps of 1 may share a particle, which has their mean.
 ALBEDO_STEPS = 16
+#: Surfaces closer than this share of the scene are in one place: rays cannot tell them apart.
+SAME_PLACE = 1e-6
 #: Tells rows of surface properties apart by one number each.
 _SPREAD = np.random.default_rng(0).random(7)
 #: What a leaf of the bisection names where there is no patch.
@@ -34,7 +36,8 @@ Buried = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
 class Particles:
     """Quadrature points, `per_patch` consecutive ones a patch; two-sided triangles have patches on both sides.
 
-    positions, normals (N, 3); weights (N,) area of what is there, less where it is partly transparent
+    positions, normals (N, 3); weights (N,) area of what is there: less where it is partly transparent, or shares its
+    place with other surfaces
     triangle (N,) row of the scene; emits (N,) whether that emits strongly; per_patch int
     patches (P, 3, 3) corners; areas (P,); radii (P,) from centroid to farthest corner
     whole (P,) whether the patch is all that its points stand for: where a mesh is finer than the light needs, a
@@ -130,10 +133,17 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
     areas, solid, radii, whole = (np.concatenate([values, values[back]]) for values in of_patches)
 
     per_patch = len(shares)
+    positions, normals = (
+        np.einsum("kc,pcx->pkx", barycentric, patches).reshape(-1, 3),
+        np.repeat(normals, per_patch, axis=0),
+    )
+    # Surfaces in one place are one surface: what arrives there is not there twice.
+    slack = SAME_PLACE * scene.size
+    sheets = _binding.coincident(positions, normals, scene.triangles, scene.two_sided, slack)
     return Particles(
-        positions=np.einsum("kc,pcx->pkx", barycentric, patches).reshape(-1, 3),
-        normals=np.repeat(normals, per_patch, axis=0),
-        weights=(solid[:, None] * shares).ravel(),
+        positions=positions,
+        normals=normals,
+        weights=(solid[:, None] * shares).ravel() / sheets,
         triangle=np.repeat(triangle, per_patch),
         emits=np.repeat(emits[triangle], per_patch),
         per_patch=per_patch,

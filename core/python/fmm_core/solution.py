@@ -98,6 +98,15 @@ class Solution:
         self._report.kept |= self._space.sums.replayed > 0
         return irradiance
 
+    @property
+    def received(self) -> NDArray[np.float64]:
+        """Irradiance (N, 3) of the particles as the iteration has it, W/m^2.
+
+        Times their weights it keeps the energy; `irradiance` at their points does as far as points stand for areas.
+        """
+        with memory_errors():
+            return self._exchange.received(self._planned, self._radiosity, self._report)
+
     def sight(self, fit: VertexFit) -> Sight:
         """What other objects do to the samples of a fit; asked once for the same samples, also after `relight`."""
         with memory_errors(), self._report.time("evaluate"):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from . import _binding
 from .arrays import ROUNDING
-from .balance import SEEN, is_closed, received_balance, sent_balance
+from .balance import ROUNDS, SEEN, Shares, find_shares, is_closed, received_balance, sent_balance
 from .fit import Sight, clear_sight, find_sight
 from .particles import Particles
 from .progress import Tick, silent
@@ -21,36 +21,44 @@ COARSE = 2.0
 
 
 class Operator:
-    """A sum over point sources, corrected where patches are so near that only their exact form factor will do."""
+    """A sum over point sources, corrected where patches are so near that only their exact form factor will do.
+
+    mirrored   where the receivers are the particles themselves: what each source (N, 1) sends for one unit of strength
+               to receivers of areas (N, 1), by the sum alone
+    """
 
     def __init__(
         self,
         particles: Particles,
         summation: Callable[[NDArray[np.float64]], NDArray[np.float64]],
         correction: _binding.Correction,
+        mirrored: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     ) -> None:
         self._weights = particles.weights[:, None]
-        self._sum, self._correction = summation, correction
+        self._sum, self._correction, self._mirrored = summation, correction, mirrored
         self._received: NDArray[np.float64] | float = 1.0
         self._sent: NDArray[np.float64] | float = 1.0
-        self.lit: NDArray[np.bool_] | None = None
 
-    def balanced(self, closed: bool, lit: NDArray[np.bool_] | None = None, symmetric: bool = False) -> "Operator":
-        """The same, made to keep the energy (`balance.py`); closed: light cannot leave the scene.
+    def received_balanced(self, closed: bool, lit: NDArray[np.bool_]) -> "Operator":
+        """The same, in which no receiver gets more than a hemisphere holds (`balance.py`).
 
-        lit: (N, 1) which particles others can see, None where the receivers are the particles themselves, and tell.
-        symmetric: so they are, and the sum gives either of two the same from the other.
+        closed: light cannot leave the scene; lit: (N, 1) which particles others can see.
         """
-        self.lit = self.apply(np.ones_like(self._weights)) > SEEN if lit is None else lit
-        self._received = received_balance(self.apply(self.lit), closed)
-        if symmetric:
-            areas = self._weights * self._received
-            columns = self._sum(areas) + self._correction.sent(areas[:, 0])[:, None]
-            self._sent = sent_balance(columns)
-            if (self._sent < 1).any():
-                self._received = 1.0
-                self._received = received_balance(self.apply(self.lit), closed)
+        self._received = 1.0
+        self._received = received_balance(self.apply(lit), closed)
         return self
+
+    def balanced(self, closed: bool, shares: Shares | None) -> NDArray[np.bool_]:
+        """Makes the exchange keep the energy (`balance.py`); returns which particles (N, 1) others can see."""
+        everything = np.ones_like(self._weights)
+        lit = self.apply(everything) > SEEN
+        rows = self.received_balanced(closed, lit).apply(everything)
+        for _ in range(ROUNDS):
+            areas = self._weights * self._received
+            columns = self._mirrored(areas) + self._correction.sent(areas[:, 0])[:, None]
+            self._sent = sent_balance(rows, columns, shares)
+            self.received_balanced(closed, lit)
+        return lit
 
     def apply(self, radiosity: NDArray) -> NDArray[np.float64]:
         """Irradiance (M, C) at the receivers for the particles' radiosity (N, C) in C channels, 1 or 3, both W/m^2;
@@ -113,7 +121,12 @@ class Sums:
         """Whether light cannot leave the scene."""
         if self._room is not None:
             return self._room
-        return self.occlusion is not None and is_closed(self.occlusion, self.particles)
+        return self.shares is not None and is_closed(self.shares)
+
+    @cached_property
+    def shares(self) -> Shares | None:
+        """What the particles see, by rays; None where nothing can be in the way."""
+        return find_shares(self.occlusion, self.particles) if self.occlusion else None
 
     @cached_property
     def surface(self) -> _binding.Surface | None:
@@ -190,4 +203,5 @@ class Sums:
         def summation(strengths: NDArray[np.float64]) -> NDArray[np.float64]:
             return self.sources.irradiance(points, normals, strengths, visible)
 
-        return Operator(self.particles, summation, self.correction(points, normals, visible))
+        mirrored = summation if symmetric else None
+        return Operator(self.particles, summation, self.correction(points, normals, visible), mirrored)

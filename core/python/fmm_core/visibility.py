@@ -15,6 +15,7 @@ from . import _binding
 from .kept import HIT_STEPS, KeptVisibility, Replaying
 from .opacity import SeeThrough
 from .particles import Particles
+from .patterns import around, disc, shifts
 from .progress import Tick, silent
 from .scene import Scene
 from .threads import threads
@@ -170,17 +171,27 @@ class Occlusion:
         self.rays += BURIED_RAYS * len(points)
         return 2 * backs > BURIED_RAYS
 
-    def missed(self, points: NDArray[np.float64], normals: NDArray[np.float64], rays: int) -> NDArray[np.int64]:
-        """(M,) of so many rays over the hemisphere of each point, those that meet nothing, or a one-sided back."""
-        rng = np.random.default_rng(0)
-        directions = rng.normal(size=(len(points), rays, 3))
-        directions = directions / np.linalg.norm(directions, axis=2, keepdims=True) + (1 + 1e-6) * normals[:, None]
-        origins = np.repeat(self._lifted(points, normals).astype(np.float32), rays, axis=0)
-        directions = directions.reshape(-1, 3)
-        met = self._scene.run(origins, directions.astype(np.float32), query="INTERSECT")
-        self.rays += len(origins)
-        lost = (met < 0) | (((self._normals[met] * directions).sum(axis=1) > 0) & ~self._two_sided[met])
-        return np.count_nonzero(lost.reshape(-1, rays), axis=1)
+    def shares_met(
+        self, points: NDArray[np.float64], normals: NDArray[np.float64], rays: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(M,) each: of so many rays over the hemisphere of each point, even by cosine, which share meets a front or a
+        two-sided triangle, and which share meets anything.
+        """
+        fronts, met = np.zeros(len(points)), np.zeros(len(points))
+
+        def block(rows: slice) -> int:
+            spread = disc(rays, shifts(np.arange(rows.start, rows.stop)))
+            directions = around(normals[rows], np.sqrt(1 - spread[..., 0]), spread[..., 1]).reshape(-1, 3)
+            origins = np.repeat(self._lifted(points[rows], normals[rows]).astype(np.float32), rays, axis=0)
+            triangles = self._scene.run(origins, directions.astype(np.float32), query="INTERSECT")
+            behind = (self._normals[triangles] * directions).sum(axis=1) > 0
+            hit = triangles >= 0
+            met[rows] = hit.reshape(-1, rays).mean(axis=1)
+            fronts[rows] = (hit & ~(behind & ~self._two_sided[triangles])).reshape(-1, rays).mean(axis=1)
+            return len(origins)
+
+        self.run_blocks(block, len(points), BLOCK_PAIRS // rays)
+        return fronts, met
 
     def surface(self, particles: Particles) -> _binding.Surface:
         """The triangles, with what tells which particle stands for a point on them."""
