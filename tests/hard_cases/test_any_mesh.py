@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from energy import audit
 from fmm_core import _binding
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from ugly import scenes
 
@@ -85,12 +85,13 @@ def test_light_with_shadows_does_not_depend_on_place_turn_and_order(method, scen
     moved = _moved(scene, np.random.default_rng(seed))[0]
     options = fmm_core.Settings(particles=200, probes=0, method=method)
     first, second = (fmm_core.solve(each, options) for each in (scene, moved))
+    # Which of two surfaces in one place a ray meets is chance.
+    assume(np.isclose(first.particles.weights.sum(), first.particles.areas.sum()))
     received = [(each.particles.weights[:, None] * each.received).sum() for each in (first, second)]
-    sent = [(each.particles.weights[:, None] * each.radiosity).sum() for each in (first, second)]
+    sent = (first.particles.weights[:, None] * first.radiosity).sum(axis=1)
     # Rays that graze an edge may fall on either side of it once turned. Each particle has 50 or more, each of which
-    # tells all or nothing: three standard deviations of their mean.
-    most = 3 * 0.5 / np.sqrt(50 * len(first.particles))
-    assert abs(received[0] - received[1]) <= most * sent[0]
+    # tells all or nothing: three standard deviations of their sum, weighed by what the particles send.
+    assert abs(received[0] - received[1]) <= 3 * 0.5 / np.sqrt(50) * np.linalg.norm(sent)
 
 
 @settings(max_examples=100, **QUIET)
@@ -98,9 +99,9 @@ def test_light_with_shadows_does_not_depend_on_place_turn_and_order(method, scen
 def test_form_factors_are_reciprocal(scene):
     settings = fmm_core.Settings(particles=120, probes=0, method="direct", max_iterations=1)
     particles = fmm_core.solve(scene, settings).particles
-    sources = _binding.Sources(
-        particles.positions, particles.normals, particles.softening, particles.areas, particles.per_patch
-    )
+    # One distance for all below which the kernel stops growing, which else belongs to the source.
+    softening = np.full(len(particles), particles.softening.max())
+    sources = _binding.Sources(particles.positions, particles.normals, softening, particles.areas, particles.per_patch)
     weights = particles.weights[:, None]
     some = np.random.default_rng(0).random(weights.shape) < 0.5
 
@@ -109,4 +110,4 @@ def test_form_factors_are_reciprocal(scene):
         return float((weights * irradiance)[there].sum())
 
     there, back = arrives(some, ~some), arrives(~some, some)
-    assert abs(there - back) <= 1e-6 * (there + back)
+    assert abs(there - back) <= 1e-9 * (there + back)

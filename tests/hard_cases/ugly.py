@@ -20,8 +20,8 @@ def _piece(kind, rng, before):
         again = before[rng.integers(len(before))]
         turned = again if kind == "double" else again[:, ::-1]
         cross = np.cross(again[0, 1] - again[0, 0], again[0, 2] - again[0, 0])
-        # Closer than rays can tell apart nothing is promised.
-        apart = NEAR * cross / max(np.linalg.norm(cross), 1e-300)
+        # Closer than rays can tell apart nothing is promised: a copy of a copy must not come back to where that was.
+        apart = NEAR * len(before) * cross / max(np.linalg.norm(cross), 1e-300)
         return turned + (apart if kind == "near" else 0.0)
     if kind == "quad":
         a, b, c = corners

@@ -58,7 +58,10 @@ class MultipoleSpace:
         points, normals = self.sums.particles.positions, self.sums.particles.normals
         fmm, correction = self._fmm(None, points, normals, particle_rays(self.settings, len(self.sums.particles)), tick)
         self.counts, self.pairs = fmm.counts(), fmm.outcomes()
-        mirrored = lambda areas: fmm.sent(areas[:, 0])[:, None]  # noqa: E731
+
+        def mirrored(areas: NDArray[np.float64]) -> NDArray[np.float64]:
+            return fmm.sent(areas[:, 0])[:, None]
+
         operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction, mirrored)
         if self.sums.keeps_energy:
             # Where nothing is in the way no ray is needed to tell.
