@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
-from .balance import is_watertight
+from .balance import Shares, is_watertight
 from .cost import choose_grouping
 from .progress import Tick, silent
 from .settings import Settings
@@ -64,15 +64,20 @@ class MultipoleSpace:
 
         operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction, mirrored)
         if self.sums.keeps_energy:
-            # Where nothing is in the way no ray is needed to tell.
-            sealed = self.open and self.sums.occlusion is not None
-            self._closed = self._is_sealed() if sealed else self.sums.closed
-            self._lit = operator.balanced(self._closed, None if sealed else self.sums.shares)
+            self._closed, shares = self._seen()
+            self._lit = operator.balanced(self._closed, shares)
         return operator
 
-    def _is_sealed(self) -> bool:
+    def _seen(self) -> tuple[bool, Shares | None]:
+        """Whether light cannot leave the scene, and what the particles see, as far as rays are to tell."""
         occlusion = self.sums.occlusion
-        return occlusion.whole and is_watertight(occlusion.triangles)
+        if occlusion is None:
+            return self.sums.closed, None
+        if self.open:
+            return occlusion.whole and is_watertight(occlusion.triangles), None
+        if self.settings.visibility == "cells":
+            return False, None
+        return self.sums.closed, self.sums.shares
 
     def gather(
         self, points: Points, normals: Points, radiosity: Points, tick: Tick = silent, effort: float = 1.0
