@@ -8,7 +8,7 @@ from fmm_core import study as studies
 from fmm_core.study import Bake, Judge, judge, study
 from test_accuracy import POINTS, SCENE
 
-SETTINGS = fmm_core.Settings(particles=3000, target_error=0.03)
+SETTINGS = fmm_core.Settings(particles=3000, target_error=0.02)
 
 
 @pytest.fixture
@@ -53,9 +53,9 @@ def test_a_study_bakes_with_all_settings_and_recommends_one_that_meets_the_targe
     assert {bake.rays for bake in bakes["p"] + bakes["s"]} == {400}
     assert bakes["paper"][0].truncation == 2
     assert bakes["brute force"][0].error < 0.02
-    assert done.best.error <= done.target == 0.03
+    assert done.best.error <= done.target == 0.02
     assert done.best in (*bakes["s"], *bakes["brute force"])
-    assert "3 %" in done.why
+    assert "2 %" in done.why
     assert seen == sorted(seen)
 
 
