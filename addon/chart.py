@@ -21,7 +21,7 @@ _SERIES: dict[str, tuple[str, str, Callable[[Bake], str]]] = {
     "rays": ("#0072B2", "more rays", lambda bake: f"{bake.rays}"),
     "p": ("#D55E00", "larger p", lambda bake: f"p {bake.truncation}"),
     "s": ("#009E73", "other s", lambda bake: f"s {bake.grouping}"),
-    "paper": ("#CC79A7", "the paper's p = 2", lambda bake: f"{bake.rays}"),
+    "paper": ("#CC79A7", "the paper's p = 2, more rays", lambda bake: f"{bake.rays}"),
     "brute force": ("#000000", "brute force", lambda _: ""),
     "Cycles": ("#E69F00", "Cycles, more samples", lambda bake: f"{bake.samples}"),
 }
@@ -59,7 +59,8 @@ class _Paper:
             if not any(a < right and left < c and b < bottom and top < d for a, b, c, d in self._taken
                        for left, top, right, bottom in [box]):  # fmt: skip
                 self._taken.append(box)
-                self._draw.text(place, text, fill=colour, font=self._fonts[20], anchor=anchor)
+                halo = {"stroke_width": 3 * SCALE, "stroke_fill": "white"}
+                self._draw.text(place, text, fill=colour, font=self._fonts[20], anchor=anchor, **halo)
                 return
 
     def upright(self, at: tuple[float, float], text: str) -> None:
@@ -109,6 +110,7 @@ def draw(study: Study, title: str) -> Image.Image:
     paper.text((_PLOT[0], 86), study.why, 20, _PALE)
     axes.draw(paper, study.target)
     shown = [name for name in _SERIES if any(bake.series == name for bake in study.bakes)]
+    labels = []
     for row, name in enumerate(shown):
         colour, label, value = _SERIES[name]
         bakes = [bake for bake in study.bakes if bake.series == name]
@@ -116,12 +118,13 @@ def draw(study: Study, title: str) -> Image.Image:
         paper.line(places, colour, 3.0)
         for place in places:
             paper.disc(place, 6, colour, "white", 1.0)
-        for place, bake in zip(places, bakes, strict=True):
-            paper.label(place, value(bake), colour)
+        labels += [(place, value(bake), colour) for place, bake in zip(places, bakes, strict=True)]
         y = _PLOT[1] + 30 + 38 * row
         paper.line([(1262, y), (1302, y)], colour, 3.0)
         paper.disc((1282, y), 6, colour, "white", 1.0)
         paper.text((1314, y), label)
+    for place, text, colour in labels:
+        paper.label(place, text, colour)
     y = _PLOT[1] + 30 + 38 * len(shown)
     paper.disc(axes.at(study.best.seconds, study.best.error), 14, None, _INK, 3.0)
     paper.disc((1282, y), 12, None, _INK, 3.0)

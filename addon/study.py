@@ -50,8 +50,8 @@ def run(
 
 def title(blend: str) -> str:
     """What stands above the picture of a study of a file."""
-    name = Path(blend).stem.replace("_", " ")
-    return f"{name[:40]}: what accuracy costs" if name else "What accuracy costs"
+    name = Path(blend).stem.replace("_", " ")[:40]
+    return f"{name[:1].upper()}{name[1:]}: what accuracy costs" if name else "What accuracy costs"
 
 
 def add(done: Study, others: list[Bake]) -> Study:
