@@ -103,14 +103,14 @@ def click(x: int, y: int) -> Steps:
 
 def shoot(name: str, panel: bool = False) -> None:
     """Take a picture of the screen, or only of the sidebar, after `rest`."""
-    crop = ()
+    part = ("-resize", "1024x", "-depth", "8")
     if panel:
         side = sidebar()
         # Of all rows the window has; those above the area are menus.
         top = window().height - side.y - side.height
-        crop = ("-crop", f"{side.width}x{side.height}+{side.x}+{top}", "+repage")
+        part = ("-crop", f"{side.width}x{side.height}+{side.x}+{top}", "+repage")
     path = str(OUT / f"{name}.png")
-    subprocess.run(["import", "-silent", "-window", "root", *crop, "+dither", "-colors", "256", path], check=True)
+    subprocess.run(["import", "-silent", "-window", "root", *part, path], check=True)
 
 
 def rest() -> Steps:
@@ -399,7 +399,7 @@ def many_vertices(stalls: Stalls) -> Steps:
     yield from escape()
     stalls.forget()
     assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
-    yield from until_half_way(0.95)
+    yield from until_half_way(0.8)
     stalls.check("while the hall is read and solved", drawing)
     yield from until_done()
     say(f"hall: measured error {session().report['error']['measured_rms']:.4f}")
