@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 from common import Array, print_rows
-from fmm_core import Opacity, PointLight, Scene, Settings, Sky, solve
+from fmm_core import Gloss, Opacity, PointLight, Scene, Settings, Sky, solve
 from scenes import cornell, quad
 
 REPEATS = 3
@@ -47,6 +47,7 @@ def cases() -> dict[str, tuple[Callable[[], Scene], Callable[[], Scene], dict[st
         "sky": (under_sky, under_sky, {"sky": True}),
         "transparency": (plain, lambda: Scene(triangles, albedo, emission, opacity=Opacity(clear)), {}),
         "two_sided": (plain, lambda: Scene(triangles, albedo, emission, True), {}),
+        "glossy": (plain, lambda: Scene(triangles, albedo, emission, glossy=1), {}),
     }
 
 
@@ -55,7 +56,12 @@ def bake(scene: Scene, forced: dict[str, bool], points: tuple[Array, Array], par
     start = time.process_time()
     settings = Settings(particles=particles, probes=0, effects=forced)
     solution = solve(scene, settings)
-    solution.irradiance(*points)
+    irradiance = solution.irradiance(*points)
+    if scene.glossy:
+        # A thousand of them, as each has a few hundred rays of its own.
+        positions, normals = points[0][:1000], points[1][:1000]
+        gloss = Gloss(towards=normals, diffuse=np.full_like(positions, 0.2), facing=np.full_like(positions, 0.5))
+        solution.radiance(positions, normals, gloss, irradiance[:1000])
     return time.process_time() - start, solution.report["counts"]["rays"]
 
 

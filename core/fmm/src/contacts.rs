@@ -10,6 +10,8 @@ use rstar::{AABB, RTree};
 
 /// Distances below this share of the scene and of the triangle are rounding.
 const ROUNDING: [f64; 2] = [1e-6, 1e-5];
+/// What ends this share of the scene above a triangle stands on it as far as light is concerned.
+const TOUCHING: f64 = 2e-4;
 /// Normals whose cross product is shorter lie in one plane, which cuts nothing.
 const PARALLEL: f64 = 1e-3;
 /// Lines whose lengths and places differ by less than this share of the triangle are alike.
@@ -44,14 +46,15 @@ pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
     let cut = |i: usize| {
         let plane = Plane::new(&triangles[i])?;
         let slack = ROUNDING[0] * size + ROUNDING[1] * plane.longest();
+        let touching = slack.max(TOUCHING * size);
         let envelope = AABB::from_corners(
-            triangles[i].into_iter().reduce(low)?.map(|x| x - slack),
-            triangles[i].into_iter().reduce(high)?.map(|x| x + slack),
+            triangles[i].into_iter().reduce(low)?.map(|x| x - touching),
+            triangles[i].into_iter().reduce(high)?.map(|x| x + touching),
         );
         let others = tree.locate_in_envelope_intersecting(&envelope).map(|other| other.data as usize);
         let mut lines: Vec<[Point; 2]> = others
             .filter(|&other| meshes[other] != meshes[i])
-            .filter_map(|other| plane.line(&triangles[other], slack))
+            .filter_map(|other| plane.line(&triangles[other], touching))
             .filter(|&line| clip(line, &plane.corners, -slack).is_some())
             .collect();
         lines.sort_by_cached_key(|&line| plane.place(line));
@@ -121,11 +124,12 @@ impl Plane {
         [-steps(distance(p, q)), steps(distance(middle, self.corners[0])), steps(distance(middle, self.corners[1]))]
     }
 
-    /// Where another triangle meets this plane, if that is a line.
+    /// Where another triangle meets this plane, if that is a line; what is nearer than `slack` is on it.
     fn line(&self, other: &[Vector; 3], slack: f64) -> Option<[Point; 2]> {
         let local = other.map(|p| sub(p, self.origin));
         let mut heights = local.map(|p| dot(p, self.axes[2]));
-        if heights.iter().all(|&h| h > slack) || heights.iter().all(|&h| h < -slack) {
+        let misses = heights.iter().all(|&h| h > slack) || heights.iter().all(|&h| h < -slack);
+        if misses || heights.iter().all(|&h| h.abs() <= slack) {
             return None;
         }
         let normal = cross(sub(other[1], other[0]), sub(other[2], other[0]));
@@ -298,6 +302,12 @@ mod tests {
         }
         assert_eq!(contacts(&[FLOOR, at_the_rim]).touched, [true, true]);
         assert_eq!(contacts(&[FLOOR, above]).touched, [false, false]);
+    }
+
+    #[test]
+    fn what_stands_just_above_a_floor_cuts_it_too() {
+        let wall = [[1., -1., 4e-4], [1., 9., 4e-4], [1., 2., 3.]];
+        assert_ne!(contacts(&[FLOOR, wall]).edges[0], -1);
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! but not at all where the pair is valid, or a link, and was summed already. Only directions in which open boxes lie get
 //! a ray, and those along the surface, where a smooth normal sees facets that face away by all that boxes know.
 
+use crate::blend::{self, Blend};
 use crate::error::{Error, same_length};
 use crate::octree::Octree;
 use crate::rays::Frame;
@@ -35,6 +36,8 @@ pub struct OpenLeaf {
     /// Sources that are summed otherwise, in tree order, ascending and apart.
     closed: Vec<Range<u32>>,
     directions: Mask,
+    /// Whether a triangle stands between its points.
+    parted: bool,
     hits: OnceLock<Hits>,
 }
 
@@ -45,6 +48,7 @@ struct Hits {
     starts: Vec<u32>,
     /// Tree order.
     sources: Vec<u32>,
+    blend: Blend,
 }
 
 /// The open leaves, and the rays that they want.
@@ -78,14 +82,15 @@ pub struct Met<'a> {
 }
 
 impl Gather {
-    /// From open pairs of a target leaf and a source box, and the boxes that are summed for each leaf otherwise; `weights`
+    /// From open pairs of a target leaf and a source box, the boxes that are summed for each leaf otherwise, and
+    /// whether a triangle stands between its points; `weights`
     /// (N,) in tree order. `margin` (B,) is how far the surface that the points of a source box stand for goes beyond them.
     pub fn new(
-        targets: &Octree,
-        sources: &Octree,
+        (targets, sources): (&Octree, &Octree),
         margin: &[f64],
         mut pairs: Vec<(u32, u32)>,
         summed: impl Fn(u32) -> Vec<u32> + Sync,
+        parted: impl Fn(u32) -> bool + Sync,
         weights: Vec<f64>,
         density: usize,
     ) -> Self {
@@ -100,6 +105,7 @@ impl Gather {
             leaf: row[0].0,
             closed: ranges(sources, &summed(row[0].0)),
             directions: directions(targets, sources, margin, row, &cube),
+            parted: parted(row[0].0),
             hits: OnceLock::new(),
         };
         let leaves = rows.par_iter().map(open_leaf).collect();
@@ -154,14 +160,24 @@ impl Gather {
         let (targets, sources) = trees;
         let mut ray = 0;
         for open in &self.leaves[leaves] {
-            let mut hits = Hits { starts: vec![0], sources: Vec::new() };
-            for i in targets.points_of(open.leaf as usize) {
+            let points = targets.points_of(open.leaf as usize);
+            let (mut starts, mut hits, mut distances) = (vec![0], Vec::new(), Vec::new());
+            for i in points.clone() {
+                let mut lengths = Vec::new();
                 while ray < met.points.len() && met.points[ray] as usize == i {
-                    hits.sources.extend(met.source(ray, surface, sources).filter(|&j| open.counts(j)));
+                    hits.extend(met.source(ray, surface, sources).filter(|&j| open.counts(j)));
+                    let length = |y| norm(sub(y, targets.positions[i]));
+                    lengths.push(met.place(ray, surface).map_or(f64::INFINITY, length));
                     ray += 1;
                 }
-                hits.starts.push(hits.sources.len() as u32);
+                distances.push(blend::distance(&mut lengths));
+                starts.push(hits.len() as u32);
             }
+            let blend = match open.parted {
+                true => Blend::none(points.len()),
+                false => Blend::new(&targets.positions[points.clone()], &targets.normals[points], &distances),
+            };
+            let hits = Hits { starts, sources: hits, blend };
             // A leaf that was traced before keeps its answers.
             let _ = open.hits.set(hits);
         }
@@ -177,13 +193,15 @@ impl Gather {
     pub fn add<const C: usize>(&self, leaf: usize, radiosity: &[[f64; C]], irradiance: &mut [[f64; C]]) {
         let Some(hits) = self.of(leaf).and_then(|open| open.hits.get()) else { return };
         let share = 1.0 / self.density as f64;
-        for (i, out) in irradiance.iter_mut().enumerate() {
+        let own = |ends: &[u32]| {
             let mut sum = [0.0; C];
-            for &j in &hits.sources[hits.starts[i] as usize..hits.starts[i + 1] as usize] {
+            for &j in &hits.sources[ends[0] as usize..ends[1] as usize] {
                 sum.iter_mut().zip(radiosity[j as usize]).for_each(|(sum, b)| *sum += b);
             }
-            out.iter_mut().zip(sum).for_each(|(out, sum)| *out += share * sum);
-        }
+            sum.map(|sum| share * sum)
+        };
+        let own: Vec<[f64; C]> = hits.starts.windows(2).map(own).collect();
+        hits.blend.add(&own, irradiance);
     }
 
     /// Adds to what each source (N,) sends for one unit of strength, what it sends to points of areas (M,), tree order.
@@ -191,9 +209,10 @@ impl Gather {
         let share = 1.0 / self.density as f64;
         for open in &self.leaves {
             let Some(hits) = open.hits.get() else { continue };
-            for (row, i) in targets.points_of(open.leaf as usize).enumerate() {
-                for &j in &hits.sources[hits.starts[row] as usize..hits.starts[row + 1] as usize] {
-                    sent[j as usize][0] += share * areas[i][0] / self.weights[j as usize];
+            let areas = hits.blend.transposed(&areas[targets.points_of(open.leaf as usize)]);
+            for (ends, area) in hits.starts.windows(2).zip(areas) {
+                for &j in &hits.sources[ends[0] as usize..ends[1] as usize] {
+                    sent[j as usize][0] += share * area / self.weights[j as usize];
                 }
             }
         }
@@ -243,6 +262,11 @@ impl Met<'_> {
         let j = surface.met(self.triangles[ray], (self.u[ray], self.v[ray]), self.directions[ray])?;
         sources.to_tree.get(j as usize).copied()
     }
+
+    /// Where a ray ended, if it met anything.
+    fn place(&self, ray: usize, surface: &Surface) -> Option<[f64; 3]> {
+        surface.place(self.triangles[ray], (self.u[ray], self.v[ray]))
+    }
 }
 
 /// Middle of the bounding box of the points of a box, and half its diagonal.
@@ -251,7 +275,7 @@ fn sphere(tree: &Octree, b: usize) -> ([f64; 3], f64) {
 }
 
 /// Two unit vectors at right angles to a unit normal and to each other.
-fn tangents(n: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+pub(crate) fn tangents(n: [f64; 3]) -> ([f64; 3], [f64; 3]) {
     let axis = if n[0].abs() > 0.6 { [0.0, 1.0, 0.0] } else { [1.0, 0.0, 0.0] };
     let s = cross(n, axis);
     let s = scale(s, 1.0 / norm(s));

@@ -11,7 +11,7 @@ use std::collections::HashMap;
 /// Components of normals are rounded to a multiple of one over this: normals of one group differ by 30 degrees or less.
 const NORMAL_STEPS: f64 = 3.0;
 /// A group is at most this share of its mesh across: light changes on the scale of the objects that it falls on.
-const CELLS_PER_MESH: f64 = 16.0;
+const CELLS_PER_MESH: f64 = 10.0;
 /// Halvings of the range of sizes within which the wanted number of groups is looked for.
 const STEPS: usize = 12;
 

@@ -3,6 +3,7 @@
 //! factors for near triangles. Positions and normals are `&[[f64; 3]]`, colours are `[red, green, blue]`, or one number
 //! where all is grey, lengths are in the caller's unit throughout.
 
+mod blend;
 pub mod cells;
 pub mod coincident;
 pub mod contacts;

@@ -8,9 +8,14 @@ use std::collections::HashMap;
 /// What a patch is followed by where there is nothing on its other side.
 pub const NO_PATCH: u32 = u32::MAX;
 
+/// How far off a place on a triangle may be, as a share of its edges: places are kept in steps of 1 in 65,535.
+const ROUNDED: f64 = 4e-5;
+
 /// The undivided triangles, each the root of a tree of bisections whose leaves are patches.
 #[derive(Debug)]
 pub struct Surface {
+    /// (T, 3, 3)
+    triangles: Vec<[[f64; 3]; 3]>,
     /// (T, 3) not unit.
     normals: Vec<[f64; 3]>,
     /// The triangle that looks the other way at the very same place, and which of its corners are this one's.
@@ -54,21 +59,58 @@ impl Surface {
         let normals = triangles.iter().map(|t| cross(sub(t[1], t[0]), sub(t[2], t[0]))).collect();
         let twins = twins(triangles);
         let (edges, fractions) = (edges.to_vec(), fractions.to_vec());
-        Ok(Self { normals, twins, edges, fractions, parts: parts.to_vec(), rule: rule.to_vec() })
+        Ok(Self {
+            triangles: triangles.to_vec(),
+            normals,
+            twins,
+            edges,
+            fractions,
+            parts: parts.to_vec(),
+            rule: rule.to_vec(),
+        })
     }
 
     /// The source (scene order) that a ray meets on a triangle, -1 for none; none behind a surface that has only a front.
     pub fn met(&self, triangle: i32, (u, v): (f32, f32), direction: [f32; 3]) -> Option<u32> {
         let triangle = u32::try_from(triangle).ok()?;
-        let front = dot(*self.normals.get(triangle as usize)?, direction.map(f64::from)) < 0.0;
-        let met = self.source(triangle, (f64::from(u), f64::from(v)), front);
+        let direction = direction.map(f64::from);
+        let front = dot(*self.normals.get(triangle as usize)?, direction) < 0.0;
+        let (u, v) = self.before(triangle as usize, (f64::from(u), f64::from(v)), direction);
+        let met = self.source(triangle, (u, v), front);
         // A ray meets either one of two triangles at the same place.
         let twin = self.twins.get(&triangle).filter(|_| met.is_none() && !front);
         met.or_else(|| {
             let (twin, corners) = twin?;
-            let weights = [1.0 - f64::from(u) - f64::from(v), f64::from(u), f64::from(v)];
+            let weights = [1.0 - u - v, u, v];
             self.source(*twin, (weights[corners[1]], weights[corners[2]]), true)
         })
+    }
+
+    /// The place on a divided triangle that a ray came over just before it met it: places are rounded, and where another
+    /// surface divides the triangle rounding must not put it on the far side.
+    fn before(&self, triangle: usize, (u, v): (f64, f64), direction: [f64; 3]) -> (f64, f64) {
+        if self.edges[triangle] < 0 {
+            return (u, v);
+        }
+        let [a, b, c] = self.triangles[triangle];
+        let (e, f) = (sub(b, a), sub(c, a));
+        let (ee, ef, ff) = (dot(e, e), dot(e, f), dot(f, f));
+        let (de, df) = (dot(direction, e), dot(direction, f));
+        let along = [ff * de - ef * df, ee * df - ef * de];
+        let step = ROUNDED / along[0].abs().max(along[1].abs());
+        if !step.is_finite() {
+            return (u, v);
+        }
+        let (u, v) = ((u - step * along[0]).max(0.0), (v - step * along[1]).max(0.0));
+        let beyond = (u + v).max(1.0);
+        (u / beyond, v / beyond)
+    }
+
+    /// The point of a triangle, none for -1.
+    pub fn place(&self, triangle: i32, (u, v): (f32, f32)) -> Option<[f64; 3]> {
+        let [a, b, c] = *self.triangles.get(usize::try_from(triangle).ok()?)?;
+        let (u, v) = (f64::from(u), f64::from(v));
+        Some([0, 1, 2].map(|i| (1.0 - u - v) * a[i] + u * b[i] + v * c[i]))
     }
 
     /// The source (scene order) nearest to a point of a triangle, at its front or at its back; u and v weigh its second and

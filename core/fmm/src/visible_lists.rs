@@ -6,8 +6,12 @@ use crate::gather::Gather;
 use crate::links::{Links, Runs};
 use crate::lists::{Lists, Rows};
 use crate::octree::{NO_BOX, Octree};
+use crate::vector::dot;
 use crate::visibility::{Kind, Pair, View, Visibility};
 use rayon::prelude::*;
+
+/// Normals of a flat surface differ by less, in one minus cosine.
+const FLAT: f64 = 1e-9;
 
 /// How many runs, and how many parts each of them.
 pub(crate) type Cut = (u32, u32);
@@ -66,7 +70,8 @@ impl Visibility {
             above.for_each(|t| boxes.extend(&valid[t as usize]));
             boxes
         };
-        Gather::new(&view.targets, &view.sources, &view.margin, open, summed, areas, self.options.density)
+        let parted = |leaf: u32| view.is_parted(leaf as usize);
+        Gather::new((&view.targets, &view.sources), &view.margin, open, summed, parted, areas, self.options.density)
     }
 
     /// Into how many runs the source box of a link is cut, and each of these into how many parts; `scale` of its share.
@@ -85,6 +90,12 @@ impl Visibility {
 }
 
 impl View {
+    /// Whether a triangle stands between points of a flat target leaf; the chords of a bent one go through its own.
+    fn is_parted(&self, leaf: usize) -> bool {
+        let (end, normals) = (&self.ends[0][leaf], &self.targets.normals[self.targets.points_of(leaf)]);
+        normals.iter().all(|&n| dot(n, normals[0]) > 1.0 - FLAT) && !self.blockers.are_clear(end, end)
+    }
+
     /// What the leaves of the target receive from a source box that all of them see: its expansion where it has more than
     /// so many points and converges, its points elsewhere.
     fn whole(&self, pair: Pair, points: usize) -> Vec<Pair> {

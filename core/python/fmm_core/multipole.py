@@ -22,6 +22,9 @@ LEAF_POINTS, LEAF_PARTICLES = 64, 20_000
 EXCHANGE_SHARE = 4
 #: Particles from which on single ones matter even less.
 MANY = 20_000
+#: For each ray of the settings a point has so many for emitters that shine all over its hemisphere, of which it mostly
+#: needs a quarter, and so many over its hemisphere, which it shares with its neighbours.
+AIMED, HEMISPHERE = 1.5, 1.5
 #: Nothing has fewer rays than these.
 LEAST_RAYS = 10.0
 
@@ -145,8 +148,9 @@ def particle_rays(settings: Settings, count: int) -> float:
 
 def _effort(rays: float) -> tuple[float, float, float, float, int]:
     """Effort for visibility, as `VisibilityOptions` of the core has it."""
-    runs = min(1.0, (200 / rays) ** 0.5)
-    return 0.8 / rays, 0.4, 0.8 * runs, 0.1 * runs, round(2 * rays)
+    aimed = AIMED * rays
+    runs = min(1.0, (200 / aimed) ** 0.5)
+    return 0.8 / aimed, 0.4, 0.8 * runs, 0.1 * runs, round(HEMISPHERE * rays)
 
 
 def _same(gathered: tuple[Points, Points, float, Operator], points: Points, normals: Points, rays: float) -> bool:

@@ -51,7 +51,7 @@ class Settings:
     level           depth of a non-adaptive octree, or None for the adaptive one, which follows the grouping
     particles       about how many quadrature points the scene is cut into, or None to choose from the scene;
                     never fewer than one a triangle in the direct method; elsewhere one may stand for
-                    neighbours, over at most a sixteenth of their mesh
+                    neighbours, over at most a tenth of their mesh
     quadrature      degree of the Gaussian rule on each patch: 1, 2, 4 or 5 (1, 3, 6 or 7 points), or None to choose
                     2 where there are fewer triangles than particles asked for and 1 elsewhere
     near_reach      patches closer than this many of their own radii count with their exact form factor; None: 4, or 12
