@@ -2,7 +2,7 @@
 //! Neighbours' rays: what points of one leaf gather over their hemispheres changes little from one to the next, so that
 //! each takes the value at its place of a plane through those around it, and needs fewer rays of its own.
 
-use crate::gather::tangents;
+use crate::directions::tangents;
 use crate::vector::{dot, norm, sub};
 
 /// Neighbours are at most this share of the distance to what the rays meet away, and look at most so many radians another
@@ -43,14 +43,17 @@ pub struct Blend {
 impl Blend {
     /// For points with unit normals and the harmonic mean of the distances that their rays went.
     pub fn new(positions: &[[f64; 3]], normals: &[[f64; 3]], distances: &[f64]) -> Self {
-        let place = |((&x, &n), distance): ((&_, &_), f64)| Place { x, n, reach: REACH * distance };
+        let place = |((&x, &n), distance): ((&_, &_), f64)| {
+            let (s, t) = tangents(n);
+            Place { x, n, axes: [s, t], reach: REACH * distance }
+        };
         let distances = clamped(positions, distances);
         let places: Vec<Place> = positions.iter().zip(normals).zip(distances).map(place).collect();
         let mut blend = Self { starts: vec![0], ..Self::default() };
         for (own, i) in places.iter().zip(0..) {
             let near = places.iter().zip(0..).filter_map(|(&other, j)| Some((j, own.neighbour(other)?)));
             let (rows, near): (Vec<u32>, Vec<Neighbour>) = near.unzip();
-            let (rows, shares) = shares(&near).map_or_else(|| (vec![i], vec![1.0]), |shares| (rows, shares));
+            let (rows, shares) = of_plane(&near).map_or_else(|| (vec![i], vec![1.0]), |shares| (rows, shares));
             blend.rows.extend(rows);
             blend.shares.extend(shares);
             blend.starts.push(blend.rows.len() as u32);
@@ -63,12 +66,19 @@ impl Blend {
         Self { starts: (0..=points as u32).collect(), rows: (0..points as u32).collect(), shares: vec![1.0; points] }
     }
 
+    /// For each point, whose values its own comes from, and how much of it.
+    fn shares(&self) -> impl Iterator<Item = impl Iterator<Item = (usize, f64)>> {
+        self.starts.windows(2).map(|ends| {
+            let range = ends[0] as usize..ends[1] as usize;
+            self.rows[range.clone()].iter().zip(&self.shares[range]).map(|(&j, &share)| (j as usize, f64::from(share)))
+        })
+    }
+
     /// Adds to (points, C) the blend of the points' own values.
     pub fn add<const C: usize>(&self, own: &[[f64; C]], out: &mut [[f64; C]]) {
-        for (ends, out) in self.starts.windows(2).zip(out) {
-            let range = ends[0] as usize..ends[1] as usize;
-            for (&j, &share) in self.rows[range.clone()].iter().zip(&self.shares[range]) {
-                out.iter_mut().zip(own[j as usize]).for_each(|(out, own)| *out += f64::from(share) * own);
+        for (shares, out) in self.shares().zip(out) {
+            for (j, share) in shares {
+                out.iter_mut().zip(own[j]).for_each(|(out, own)| *out += share * own);
             }
         }
     }
@@ -76,11 +86,8 @@ impl Blend {
     /// How much of all blended values, each weighed by what is given for its point, comes from each point's own one.
     pub fn transposed(&self, weights: &[[f64; 1]]) -> Vec<f64> {
         let mut found = vec![0.0; weights.len()];
-        for (ends, [weight]) in self.starts.windows(2).zip(weights) {
-            let range = ends[0] as usize..ends[1] as usize;
-            for (&j, &share) in self.rows[range.clone()].iter().zip(&self.shares[range]) {
-                found[j as usize] += f64::from(share) * weight;
-            }
+        for (shares, [weight]) in self.shares().zip(weights) {
+            shares.for_each(|(j, share)| found[j] += share * weight);
         }
         found
     }
@@ -108,6 +115,8 @@ struct Neighbour {
 struct Place {
     x: [f64; 3],
     n: [f64; 3],
+    /// Along the surface.
+    axes: [[f64; 3]; 2],
     reach: f64,
 }
 
@@ -117,13 +126,12 @@ impl Place {
         let height = dot(d, self.n) / STEP;
         let bend = (2.0 - 2.0 * dot(self.n, other.n)).max(0.0) / (BEND * BEND);
         let weight = 1.0 - bend - (dot(d, d) + height * height) / (reach * reach).max(f64::MIN_POSITIVE);
-        let (s, t) = tangents(self.n);
-        (weight > 0.0).then_some(Neighbour { weight: weight * weight, at: [dot(d, s), dot(d, t)] })
+        (weight > 0.0).then(|| Neighbour { weight: weight * weight, at: self.axes.map(|axis| dot(d, axis)) })
     }
 }
 
 /// What each value counts for in that of the plane, fitted by weighted least squares, at the origin.
-fn shares(near: &[Neighbour]) -> Option<Vec<f32>> {
+fn of_plane(near: &[Neighbour]) -> Option<Vec<f32>> {
     let sum = |f: &dyn Fn(&Neighbour) -> f64| near.iter().map(|p| p.weight * f(p)).sum::<f64>();
     let total = sum(&|_| 1.0);
     let mean = [0, 1].map(|k| sum(&|p| p.at[k]) / total);
@@ -175,9 +183,8 @@ mod tests {
         fn noise_never_grows(distance in 0.01..10.0f64, n in 1usize..9) {
             let points = floor(n);
             let blend = Blend::new(&points, &vec![UP; n * n], &vec![distance; n * n]);
-            for ends in blend.starts.windows(2) {
-                let squares: f32 = blend.shares[ends[0] as usize..ends[1] as usize].iter().map(|s| s * s).sum();
-                prop_assert!(squares <= 1.0);
+            for shares in blend.shares() {
+                prop_assert!(shares.map(|(_, share)| share * share).sum::<f64>() <= 1.0);
             }
         }
     }
@@ -195,8 +202,8 @@ mod tests {
     #[test]
     fn noise_falls_where_what_is_met_is_far() {
         let blend = Blend::new(&floor(8), &[UP; 64], &[2.0; 64]);
-        let range = blend.starts[27] as usize..blend.starts[28] as usize;
-        assert!(blend.shares[range].iter().map(|s| s * s).sum::<f32>() < 0.1);
+        let squares = blend.shares().nth(27).map(|shares| shares.map(|(_, share)| share * share).sum::<f64>());
+        assert!(squares.is_some_and(|squares| squares < 0.1));
     }
 
     #[test]
@@ -204,7 +211,7 @@ mod tests {
         let at = |y: [f64; 3], m: [f64; 3], distance: f64| {
             let around = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [-0.01, 0.0, 0.0], [0.0, -0.01, 0.0], [0.0; 3], y];
             let blend = Blend::new(&around, &[UP, UP, UP, UP, UP, m], &[1.0, 1.0, 1.0, 1.0, 1.0, distance]);
-            blend.rows[blend.starts[4] as usize..blend.starts[5] as usize].contains(&5)
+            blend.shares().nth(4).is_some_and(|mut shares| shares.any(|(j, _)| j == 5))
         };
         assert!(at([0.1, 0.0, 0.0], UP, 1.0));
         assert!(!at([0.3, 0.0, 0.0], UP, 1.0), "far");

@@ -2,13 +2,10 @@
 //! Surfaces in the same place, which share what light arrives there.
 
 use crate::error::{Error, same_length};
+use crate::meshes::{PARALLEL, triangle_tree};
 use crate::vector::{cross, dot, norm, scale, sub};
 use rayon::prelude::*;
-use rstar::primitives::{GeomWithData, Rectangle};
-use rstar::{AABB, RTree};
-
-/// Normals whose cross product is shorter lie in one plane.
-const PARALLEL: f64 = 1e-3;
+use rstar::AABB;
 
 type Vector = [f64; 3];
 
@@ -23,12 +20,11 @@ pub fn coincident(
 ) -> Result<Vec<u32>, Error> {
     same_length("normals", points.len(), normals.len())?;
     same_length("sides", triangles.len(), two_sided.len())?;
-    let boxed = |(t, i): (&[Vector; 3], usize)| GeomWithData::new(Rectangle::from_aabb(AABB::from_points(t)), i);
-    let tree = RTree::bulk_load(triangles.iter().zip(0..).map(boxed).collect());
+    let tree = triangle_tree(triangles);
     let count = |(&x, &n): (&Vector, &Vector)| {
         let around = AABB::from_corners(x.map(|c| c - slack), x.map(|c| c + slack));
         let here = tree.locate_in_envelope_intersecting(&around).map(|found| found.data);
-        here.filter(|&i| faces(n, &triangles[i], two_sided[i]) && holds(&triangles[i], x, slack)).count().max(1) as u32
+        here.filter(|&i| is_same(x, n, &triangles[i], two_sided[i], slack)).count().max(1) as u32
     };
     Ok(points.par_iter().zip(normals).map(count).collect())
 }
@@ -38,20 +34,15 @@ fn normal(&[a, b, c]: &[Vector; 3]) -> Vector {
     scale(n, 1.0 / norm(n).max(f64::MIN_POSITIVE))
 }
 
-/// Whether a side of a triangle faces as a unit normal does.
-fn faces(n: Vector, triangle: &[Vector; 3], two_sided: bool) -> bool {
+/// Whether a side of a triangle faces as a unit normal does, and is no farther from a point than `slack`, across or along.
+fn is_same(x: Vector, n: Vector, triangle: &[Vector; 3], two_sided: bool, slack: f64) -> bool {
     let other = normal(triangle);
-    norm(cross(n, other)) < PARALLEL && (two_sided || dot(n, other) > 0.0)
-}
-
-/// Whether a point is no farther from a triangle than `slack`, across it or along it.
-fn holds(triangle: &[Vector; 3], x: Vector, slack: f64) -> bool {
-    let n = normal(triangle);
     let inside = |i: usize| {
         let edge = sub(triangle[(i + 1) % 3], triangle[i]);
-        dot(cross(n, edge), sub(x, triangle[i])) >= -slack * norm(edge)
+        dot(cross(other, edge), sub(x, triangle[i])) >= -slack * norm(edge)
     };
-    dot(n, sub(x, triangle[0])).abs() <= slack && (0..3).all(inside)
+    let faces = norm(cross(n, other)) < PARALLEL && (two_sided || dot(n, other) > 0.0);
+    faces && dot(other, sub(x, triangle[0])).abs() <= slack && (0..3).all(inside)
 }
 
 #[cfg(test)]

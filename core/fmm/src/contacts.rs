@@ -2,18 +2,15 @@
 //! Where another mesh stands on a triangle or goes through it, the light changes from one side to the other: the triangle
 //! is cut along that line, so that no part of it stands for both sides.
 
-use crate::meshes::connected;
+use crate::meshes::{PARALLEL, connected, triangle_tree};
 use crate::vector::{add, cross, dot, high, low, norm, scale, sub};
 use rayon::prelude::*;
-use rstar::primitives::{GeomWithData, Rectangle};
-use rstar::{AABB, RTree};
+use rstar::AABB;
 
 /// Distances below this share of the scene and of the triangle are rounding.
 const ROUNDING: [f64; 2] = [1e-6, 1e-5];
 /// What ends this share of the scene above a triangle stands on it as far as light is concerned.
 const TOUCHING: f64 = 2e-4;
-/// Normals whose cross product is shorter lie in one plane, which cuts nothing.
-const PARALLEL: f64 = 1e-3;
 /// Lines whose lengths and places differ by less than this share of the triangle are alike.
 const PLACE: f64 = 1e-6;
 /// A triangle with more lines on it lies in a thicket, whose light is even: it is left whole.
@@ -41,8 +38,7 @@ pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
     let corners = || triangles.iter().flatten().copied();
     let (least, most) = (corners().fold([f64::INFINITY; 3], low), corners().fold([f64::NEG_INFINITY; 3], high));
     let size = sub(most, least).into_iter().fold(0.0, f64::max);
-    let boxed = |(t, i): (&[Vector; 3], u32)| GeomWithData::new(Rectangle::from_aabb(AABB::from_points(t)), i);
-    let tree = RTree::bulk_load(triangles.iter().zip(0..).map(boxed).collect());
+    let tree = triangle_tree(triangles);
     let cut = |i: usize| {
         let plane = Plane::new(&triangles[i])?;
         let slack = ROUNDING[0] * size + ROUNDING[1] * plane.longest();
@@ -51,7 +47,7 @@ pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
             triangles[i].into_iter().reduce(low)?.map(|x| x - touching),
             triangles[i].into_iter().reduce(high)?.map(|x| x + touching),
         );
-        let others = tree.locate_in_envelope_intersecting(&envelope).map(|other| other.data as usize);
+        let others = tree.locate_in_envelope_intersecting(&envelope).map(|other| other.data);
         let mut lines: Vec<[Point; 2]> = others
             .filter(|&other| meshes[other] != meshes[i])
             .filter_map(|other| plane.line(&triangles[other], touching))

@@ -8,6 +8,7 @@ pub mod cells;
 pub mod coincident;
 pub mod contacts;
 pub mod direct;
+mod directions;
 pub mod driver;
 mod driver_cells;
 pub mod driver_visibility;

@@ -2,7 +2,12 @@
 //! Triangles that make up one mesh, and whether it is a room without openings.
 
 use crate::vector::{cross, dot, high, low, sub};
+use rstar::primitives::{GeomWithData, Rectangle};
+use rstar::{AABB, RTree};
 use std::collections::{HashMap, HashSet};
+
+/// Normals whose cross product is shorter lie in one plane.
+pub(crate) const PARALLEL: f64 = 1e-3;
 
 type Vector = [f64; 3];
 type Place = [u64; 3];
@@ -23,6 +28,14 @@ pub(crate) fn connected(triangles: &[[Vector; 3]], keys: &[u64]) -> Vec<u32> {
         }
     }
     (0..triangles.len() as u32).map(|i| root(&mut parent, i)).collect()
+}
+
+/// Finds triangles by their bounding boxes.
+pub(crate) type TriangleTree = RTree<GeomWithData<Rectangle<Vector>, usize>>;
+
+pub(crate) fn triangle_tree(triangles: &[[Vector; 3]]) -> TriangleTree {
+    let boxed = |(t, i): (&[Vector; 3], usize)| GeomWithData::new(Rectangle::from_aabb(AABB::from_points(t)), i);
+    RTree::bulk_load(triangles.iter().zip(0..).map(boxed).collect())
 }
 
 fn place(corner: &Vector) -> Place {

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 /// What a patch is followed by where there is nothing on its other side.
 pub const NO_PATCH: u32 = u32::MAX;
 
-/// How far off a place on a triangle may be, as a share of its edges: places are kept in steps of 1 in 65,535.
+/// How far off a place on a triangle may be, as a share of its edges: places are kept in steps of 1 in 32,768.
 const ROUNDED: f64 = 4e-5;
 
 /// The undivided triangles, each the root of a tree of bisections whose leaves are patches.
