@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from fmm_core.progress import part
 
 from . import attributes, bake
 from .memory import Progress
@@ -52,7 +53,7 @@ class Frames:
     def compute(self, data: bake.Input, settings: fmm_core.Settings, progress: Progress | None) -> bake.Result:
         """Solve the frame that was read."""
         start, count = len(self._done), len(self._numbers)
-        return bake.compute(data, settings, bake.part(progress, start / count, (start + 1) / count), self._session)
+        return bake.compute(data, settings, part(progress, start / count, (start + 1) / count), self._session)
 
     def take(self, result: bake.Result) -> None:
         """Keep what is to be written of the frame that was solved."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import fmm_core
 import numpy as np
+from fmm_core.progress import part
 
 from . import attributes, estimate, export, materials, memory
 from .memory import Progress
@@ -124,10 +125,7 @@ def compute(
     seconds = data.seconds + time.perf_counter() - start
     progress = memory.limited(progress, data.memory_limit)
     scene = scene_of(arrays)
-    points = fmm_core.output_points(
-        arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangle_centre
-    )
-    fit = None
+    points, fit = points_of(arrays), None
     if data.output.colours == "FIT":
         fit = fmm_core.VertexFit(points, arrays.corner_position, arrays.corner_normal, arrays.corner_triangles)
     found, effort = (points, 1.0) if fit is None else (fit, fit.effort)
@@ -182,6 +180,13 @@ def scene_of(arrays: export.SceneArrays) -> fmm_core.Scene:
         lights=arrays.lights,
         sky=arrays.sky,
         glossy=0 if arrays.eye is None else int(np.count_nonzero(arrays.corner_gloss[:, materials.SHINE])),
+    )
+
+
+def points_of(arrays: export.SceneArrays) -> fmm_core.OutputPoints:
+    """Where the light of the corners is found."""
+    return fmm_core.output_points(
+        arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangle_centre
     )
 
 
@@ -267,10 +272,3 @@ def reason(error: Exception) -> str:
     if isinstance(error, MemoryError):
         return " ".join(f"not enough memory: {error}".removesuffix(": ").split())
     return " ".join(str(error).split())
-
-
-def part(progress: Progress | None, start: float, end: float) -> Progress | None:
-    """Progress of one step, which is the part from start to end of the whole."""
-    if progress is None:
-        return None
-    return lambda fraction, text: progress(start + (end - start) * fraction, text)

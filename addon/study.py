@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 
 import fmm_core
 import numpy as np
+from fmm_core.progress import part
 from fmm_core.study import Bake, Judge, Study, judge, study
 
 from . import memory
-from .bake import part, scene_of
+from .bake import points_of, scene_of
 
 if TYPE_CHECKING:
     from .bake import Input
@@ -40,9 +41,7 @@ def run(
     """Bake the scene again and again at its vertices; raises fmm_core.Error and fmm_core.Cancelled."""
     arrays, progress = data.arrays, memory.limited(progress, data.memory_limit)
     scene = scene_of(arrays)
-    points = fmm_core.output_points(
-        arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangle_centre
-    )
+    points = points_of(arrays)
     at = points.points, points.normals
     truth = judge(scene, settings, *at, _inside_faces(data, points), part(progress, 0.0, _TRUTH))
     return study(scene, settings, *at, truth, part(progress, _TRUTH, 1.0)), truth, points

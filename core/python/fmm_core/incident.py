@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from . import patterns
 from .direct_light import lamp_pattern
+from .emitters import Emitters
 from .lights import Light
 from .progress import Tick, silent
 from .scene import Scene
 from .transport import Sums
-from .visibility import Met, Occlusion
+from .visibility import Met
 
 Points = NDArray[np.float64]
 
@@ -57,16 +58,8 @@ class Incident:
     def __init__(self, scene: Scene, sums: Sums, radiosity: Points) -> None:
         """radiosity: (N, 3) of the particles, W/m^2."""
         self._scene, self._particles, self._radiosity = scene, sums.particles, radiosity
-        self._occlusion = Occlusion(scene) if sums.occlusion is None else sums.occlusion.apart()
-        self._surface = sums.surface or self._occlusion.surface(sums.particles)
-        particles = sums.particles
-        of_patches = particles.triangle[:: particles.per_patch]
-        power = particles.areas * scene.emission[of_patches].mean(axis=1) * particles.emits[:: particles.per_patch]
-        self._emitters = np.flatnonzero(power)
-        self._cumulative = np.cumsum(power[self._emitters]) / max(power.sum(), 1e-300)
-        density = power / max(power.sum(), 1e-300) / particles.areas
-        # (N + 1,) per area, with which an aimed ray ends on a particle's patch; the last one is for no particle.
-        self._density = np.append(particles.of_points(density), 0.0)
+        self._occlusion, self._surface = sums.apart(scene)
+        self._emitters = Emitters(scene, sums.particles)
 
     @property
     def rays(self) -> int:
@@ -100,7 +93,7 @@ class Incident:
         own = density[row, k]
         hit, radiance = met.particles >= 0, np.zeros((len(row), 3))
         radiance[hit] = self._radiosity[met.particles[hit]] / np.pi / own[hit, None]
-        lit = np.flatnonzero(self._density[met.particles] > 0)
+        lit = np.flatnonzero(self._emitters.density[met.particles] > 0)
         if len(lit):
             other = self._aim_density(at.points[row[lit]], chosen[lit], _of(met, lit), rays)
             emission = self._scene.emission[self._particles.triangle[met.particles[lit]]] / np.pi
@@ -117,10 +110,11 @@ class Incident:
         """Adds the light of emitters by rays that are aimed at them."""
         particles, count = self._particles, _aims(rays)
         pattern = patterns.square(count, (at.shifts + OTHER) % 1.0)
-        number = np.minimum(np.searchsorted(self._cumulative, pattern[..., 0], side="right"), len(self._emitters) - 1)
-        low = np.where(number > 0, self._cumulative[number - 1], 0.0)
-        into = np.clip((pattern[..., 0] - low) / np.maximum(self._cumulative[number] - low, 1e-30), 0, 1)
-        patch = self._emitters[number]
+        cumulative = self._emitters.cumulative
+        number = np.minimum(np.searchsorted(cumulative, pattern[..., 0], side="right"), len(self._emitters) - 1)
+        low = np.where(number > 0, cumulative[number - 1], 0.0)
+        into = np.clip((pattern[..., 0] - low) / np.maximum(cumulative[number] - low, 1e-30), 0, 1)
+        patch = self._emitters.patches[number]
         chosen = patch * particles.per_patch
         root = np.sqrt(into)[..., None]
         a, b, c = np.moveaxis(particles.patches[patch], 2, 0)
@@ -135,7 +129,7 @@ class Incident:
         triangles = particles.triangle[chosen[row, k]]
         if self._scene.opacity is not None:
             seen = seen * self._scene.opacity.mean[triangles]
-        aim = count * self._density[chosen[row, k]] * distances[row, k] ** 2 / leaving[row, k]
+        aim = count * self._emitters.density[chosen[row, k]] * distances[row, k] ** 2 / leaving[row, k]
         total = aim + rays * at.response.density(at.rows, directions, rays)[row, k]
         flux = np.zeros(directions.shape)
         flux[row, k] = (seen / total)[:, None] * self._scene.emission[triangles] / np.pi
@@ -146,7 +140,7 @@ class Incident:
         """(K,) per steradian, of all rays that are aimed at emitters, at places met along directions (K, 3)."""
         squared = ((met.positions - points) ** 2).sum(axis=1)
         leaving = np.maximum(-(directions * met.normals).sum(axis=1), 1e-30)
-        return _aims(rays) * self._density[met.particles] * squared / leaving
+        return _aims(rays) * self._emitters.density[met.particles] * squared / leaving
 
     def _from_lamp(self, at: "_Block", light: Light, count: int, found: Points) -> int:
         pattern = at.shifts[:, None] if light.is_small else lamp_pattern(light, at.shifts, count)

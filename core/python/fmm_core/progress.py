@@ -24,5 +24,12 @@ def ticker(progress: Progress | None, start: float, end: float, text: str) -> Ti
     return tick
 
 
+def part(progress: Progress | None, start: float, end: float) -> Progress | None:
+    """Progress of one step of several phases, which is the part from `start` to `end` of the whole."""
+    if progress is None:
+        return None
+    return lambda fraction, text: progress(start + (end - start) * fraction, text)
+
+
 def silent(fraction: float) -> None:
     """A tick that tells nobody."""

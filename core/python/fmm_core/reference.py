@@ -6,17 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .emitters import Emitters
 from .particles import NO_PATCH, Particles
+from .patterns import GOLDEN
 from .scene import Scene
 from .transport import Sums
-from .visibility import Met, Occlusion
+from .visibility import Met
 
 Points = NDArray[np.float64]
 
 #: Rays that are traced together.
 RAYS_PER_BLOCK = 8192
-#: From one ray to the next, of a whole turn (Vogel's spiral).
-GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 class Reference:
@@ -30,19 +30,9 @@ class Reference:
 
     def __init__(self, scene: Scene, sums: Sums) -> None:
         self._scene, self._particles = scene, sums.particles
-        self._occlusion = Occlusion(scene) if sums.occlusion is None else sums.occlusion.apart()
-        self._surface = sums.surface or self._occlusion.surface(sums.particles)
+        self._occlusion, self._surface = sums.apart(scene)
         self._places = _Places.of(scene, sums.particles)
-        particles = sums.particles
-        of_patches = particles.triangle[:: particles.per_patch]
-        power = particles.areas * scene.emission[of_patches].mean(axis=1) * particles.emits[:: particles.per_patch]
-        self._emitters = np.flatnonzero(power)
-        power = power[self._emitters]
-        self._cumulative = np.cumsum(power / power.sum())
-        density = np.zeros(len(of_patches))
-        density[self._emitters] = power / power.sum() / particles.areas[self._emitters]
-        # (N + 1,) per area, with which a random end of a ray is on a particle's patch; the last one is for no particle.
-        self._density = np.append(particles.of_points(density), 0.0)
+        self._emitters = Emitters(scene, sums.particles)
 
     @property
     def rays(self) -> int:
@@ -137,11 +127,12 @@ class Reference:
         received = np.where(met.particles[:, None] >= 0, radiosity[met.particles], 0.0)
         if len(self._emitters) == 0:
             return received, met, len(points)
-        lit = np.flatnonzero(self._density[met.particles] > 0)
+        lit = np.flatnonzero(self._emitters.density[met.particles] > 0)
         share = self._share(points[lit], normals[lit], met.positions[lit], met.normals[lit], met.particles[lit])
         received[lit, :3] -= (1 - share)[:, None] * scene.emission[particles.triangle[met.particles[lit]]]
 
-        patch = self._emitters[np.minimum(np.searchsorted(self._cumulative, at), len(self._emitters) - 1)]
+        number = np.minimum(np.searchsorted(self._emitters.cumulative, at), len(self._emitters) - 1)
+        patch = self._emitters.patches[number]
         ends, chosen = _random_points(particles.patches[patch], rng), patch * particles.per_patch
         share = self._share(points, normals, ends, particles.normals[chosen], chosen)
         asked = np.flatnonzero(share > 0)
@@ -161,7 +152,7 @@ class Reference:
         here = np.maximum((between * normals).sum(axis=1), 0.0)
         there = np.maximum(-(between * end_normals).sum(axis=1), 0.0)
         by_ray = here * there / (np.pi * squared)
-        return by_ray / (by_ray + self._density[particles] * squared)
+        return by_ray / (by_ray + self._emitters.density[particles] * squared)
 
 
 @dataclass(frozen=True)

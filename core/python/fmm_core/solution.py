@@ -189,7 +189,7 @@ class Solution:
         """Two independent estimates (2, M, 3) of the irradiance at points with normals (M, 3), W/m^2: noisy, but
         right on average whatever this solution lacks, by so many rays for each point, and from all surfaces together.
         """
-        points, normals = finite_rows("points", points) - self.scene.origin, unit_rows("normals", normals)
+        points, normals = self._receivers(points, normals)
         with memory_errors():
             gathered, further, _ = estimates(points, normals, self._solved(rays), rays, samples, tick)
         return gathered + further

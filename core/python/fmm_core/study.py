@@ -3,13 +3,12 @@
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .progress import Progress, ticker
+from .progress import Progress, part, ticker
 from .scene import Scene
 from .settings import Settings
 from .solver import solve
@@ -100,7 +99,7 @@ def judge(
     """
     rows = np.asarray(rows, np.int64)
     rows = np.sort(np.random.default_rng(0).choice(rows, min(JUDGED, len(rows)), replace=False))
-    solution = solve(scene, replace(settings, **TRUTH), _part(progress, 0.0, 0.5))
+    solution = solve(scene, replace(settings, **TRUTH), part(progress, 0.0, 0.5))
     at, tick = (np.asarray(points)[rows], np.asarray(normals)[rows]), ticker(progress, 0.5, 1.0, "Finding the truth")
     return Judge(rows, solution.estimates(*at, TRUTH_RAYS, TRUTH_PARTICLE_RAYS, tick))
 
@@ -127,8 +126,8 @@ def study(
     def bake(series: str, **options: object) -> Bake:
         used, done = replace(base, **options), len(bakes)
         share = LONG if used.method == "direct" else 1
-        part = _part(progress, done / steps, (done + share) / steps)
-        bakes.append(_bake(series, scene, used, points, normals, judge, part))
+        step = part(progress, done / steps, (done + share) / steps)
+        bakes.append(_bake(series, scene, used, points, normals, judge, step))
         return bakes[-1]
 
     best = _fewest([bake("rays", rays=rays) for rays in ALL_RAYS], target)
@@ -160,10 +159,10 @@ def _bake(
     rows = judge.rows if direct else slice(None)
     for done in range(steps):
         start = time.perf_counter()
-        solution = solve(scene, used, _part(progress, done / steps, (done + 0.5) / steps))
+        solution = solve(scene, used, part(progress, done / steps, (done + 0.5) / steps))
         gathering = time.perf_counter()
         found = solution.irradiance(
-            points[rows], normals[rows], _part(progress, (done + 0.5) / steps, (done + 1) / steps)
+            points[rows], normals[rows], part(progress, (done + 0.5) / steps, (done + 1) / steps)
         )
         end = time.perf_counter()
         least = min(least, gathering - start + (end - gathering) * len(points) / len(found))
@@ -208,9 +207,3 @@ def settings_text(bake: Bake) -> str:
     if bake.rays is None:
         return f"{bake.samples} samples"
     return f"p = {bake.truncation}, s = {bake.grouping}, {bake.rays} rays"
-
-
-def _part(progress: Progress | None, start: float, end: float) -> Callable[[float, str], bool | None] | None:
-    if progress is None:
-        return None
-    return lambda fraction, text: progress(start + (end - start) * fraction, text)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .kept import KeptVisibility
-from .progress import Progress, ticker
+from .progress import Progress, part, ticker
 from .scene import Scene
 from .settings import MOST_RAYS, POWER, Settings
 from .solution import Solution
@@ -116,8 +116,6 @@ def _factor(over: float) -> float:
 
 def _part(progress: Progress | None, number: int, rounds: bool, start: float, end: float) -> Progress | None:
     """Progress of one step; where there may be several rounds each is half of what is left."""
-    if progress is None:
-        return None
     left = 0.5**number
     share = left / 2 if rounds else left
-    return lambda fraction, text: progress(1 - left + share * (start + (end - start) * fraction), text)
+    return part(progress, 1 - left + share * start, 1 - left + share * end)

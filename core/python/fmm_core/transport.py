@@ -14,6 +14,7 @@ from .balance import ROUNDS, SEEN, Shares, find_shares, is_closed, received_bala
 from .fit import Sight, clear_sight, find_sight
 from .particles import Particles
 from .progress import Tick, silent
+from .scene import Scene
 from .visibility import Occlusion
 
 #: A group of triangles is one source from so many of its radii on.
@@ -132,6 +133,11 @@ class Sums:
     def surface(self) -> _binding.Surface | None:
         """What tells which particle stands for a point on a triangle; None where nothing is in the way."""
         return self.occlusion.surface(self.particles) if self.occlusion else None
+
+    def apart(self, scene: Scene) -> tuple[Occlusion, _binding.Surface]:
+        """Rays that are counted apart and never kept, also where nothing is in the way, and what they meet."""
+        occlusion = Occlusion(scene) if self.occlusion is None else self.occlusion.apart()
+        return occlusion, self.surface or occlusion.surface(self.particles)
 
     @property
     def reach(self) -> NDArray[np.float64]:

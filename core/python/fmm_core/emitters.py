@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strong emitters as the ends of rays that are aimed at them, more of them where more light comes from."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .particles import Particles
+from .scene import Scene
+
+Points = NDArray[np.float64]
+
+
+class Emitters:
+    """The patches that emit strongly, to be chosen by their power.
+
+    patches      (E,) rows of the particles' patches; cumulative (E,): the share of all power up to each of them
+    density      (N + 1,) per area, with which a chosen point is on a particle's patch; the last one is for no particle
+    """
+
+    def __init__(self, scene: Scene, particles: Particles) -> None:
+        of_patches = particles.triangle[:: particles.per_patch]
+        power = particles.areas * scene.emission[of_patches].mean(axis=1) * particles.emits[:: particles.per_patch]
+        self.patches = np.flatnonzero(power)
+        power = power[self.patches]
+        self.cumulative: Points = np.cumsum(power / power.sum())
+        density = np.zeros(len(of_patches))
+        density[self.patches] = power / power.sum() / particles.areas[self.patches]
+        self.density: Points = np.append(particles.of_points(density), 0.0)
+
+    def __len__(self) -> int:
+        return len(self.patches)
