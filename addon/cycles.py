@@ -23,14 +23,14 @@ _ATTRIBUTE = "Cycles"
 
 
 def bake(context: bpy.types.Context, arrays: SceneArrays, samples: int) -> tuple[np.ndarray, float]:
-    """Irradiance (C,3) W/m^2 at the corners of the receivers, and the seconds of the bake.
+    """Irradiance (C,3) W/m^2 at the corners of the receivers without any bias, and the seconds of the bake.
 
-    Without any bias: all bounces, no clamping; and without the light tree, which is slower here. Raises fmm_core.Error
-    where Cycles cannot bake.
+    Raises fmm_core.Error where Cycles cannot bake.
     """
     import bpy
 
-    _set_up(context.scene, samples)
+    unbiased(context.scene)
+    context.scene.cycles.samples = context.scene.cycles.seed = samples
     for obj in context.view_layer.objects:
         obj.select_set(False)
     for receiver in arrays.receivers:
@@ -67,10 +67,11 @@ def study(
     return found
 
 
-def _set_up(scene: bpy.types.Scene, samples: int) -> None:
+def unbiased(scene: bpy.types.Scene) -> None:
+    """Cycles without any bias, into vertex colours: all bounces, no clamping, and no light tree (which is slower)."""
     scene.render.engine = "CYCLES"
     cycles = scene.cycles
-    cycles.device, cycles.samples, cycles.seed = "CPU", samples, samples
+    cycles.device = "CPU"
     cycles.use_light_tree = cycles.use_adaptive_sampling = cycles.use_denoising = False
     cycles.max_bounces = cycles.diffuse_bounces = 32
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0

@@ -17,7 +17,7 @@ from fmm_core import Error, Light, Opacity, Sky
 
 from . import lights
 from .meshes import Layers, Mesh, World, is_closed, read_mesh, same_topology, triangle_centres, with_area
-from .sampling import Painted, Painter, paint
+from .sampling import Painted, Painter, Slots, paint
 from .shapes import Shape, two_sided
 from .world import read_world
 
@@ -209,14 +209,14 @@ class Reading:
         for text in (*lights.visibility_remarks(obj), *lights.linking_remarks(obj)):
             self.remark(f"object '{name}' {text}")
         world = World(name, mesh, np.array(instance.matrix_world, np.float64))
-        layers = Layers(data, mesh, world)
-        coats, remarks = self.painter.coats(mesh, layers, world.mirrored, materials)
+        slots = Slots(mesh, Layers(data, mesh, world), world.mirrored, len(materials))
+        coats, remarks = self.painter.coats(slots, materials)
         for material, text in remarks:
             self.remark(f"material '{material.name}' on object {_OBJECTS}: {text}", name)
         offsets = self.add_receiver(instance, mesh) if self.is_receiver(instance, mesh) else None
 
         def finish() -> None:
-            painted = paint(mesh, layers, world.mirrored, len(materials), coats, self.eye is not None)
+            painted = paint(slots, coats, self.eye is not None)
             self.add_faces(name, mesh, world, painted)
             if offsets is not None:
                 self.add_corners(mesh, world, painted, *offsets)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,6 +70,33 @@ class Painted:
     corner_gloss: Array
 
 
+class Slots:
+    """The slots of a mesh, of which there are `count`, and what has each of them."""
+
+    def __init__(self, mesh: Mesh, layers: Layers, mirrored: bool, count: int) -> None:
+        self.mesh, self.layers, self._mirrored = mesh, layers, mirrored
+        self._of_faces = np.minimum(mesh.face_material, count - 1)
+
+    def first(self, slot: int) -> int | None:
+        """A corner that has a slot, if any has."""
+        faces = self._of_faces == slot
+        return self.mesh.face_start[np.argmax(faces)] if faces.any() else None
+
+    def of(self, slot: int) -> tuple[Array, Array]:
+        """Corners (K, 3) of the triangles that have a slot and an area, and all corners of the mesh that have it."""
+        own = self._triangles
+        return own[self._of_corners[own[:, 0]] == slot], np.flatnonzero(self._of_corners == slot)
+
+    @cached_property
+    def _triangles(self) -> Array:
+        corners = self.mesh.triangle_corners[:, ::-1] if self._mirrored else self.mesh.triangle_corners
+        return corners[with_area(self.layers.world[corners])]
+
+    @cached_property
+    def _of_corners(self) -> Array:
+        return np.repeat(self._of_faces, self.mesh.face_corners)
+
+
 @dataclass
 class Coat:
     """One material on one mesh: a constant, or what was found on its triangles and corners.
@@ -96,35 +124,28 @@ class Painter:
     constants: dict[bpy.types.Material | None, tuple[Surface, bool, tuple[str, ...]]]
 
     def coats(
-        self, mesh: Mesh, layers: Layers, mirrored: bool, materials: Sequence[bpy.types.Material | None]
+        self, slots: Slots, materials: Sequence[bpy.types.Material | None]
     ) -> tuple[list[Coat], list[tuple[bpy.types.Material, str]]]:
         """The materials of a mesh whose slots have these, and remarks by material; raises fmm_core.Error as
         `read_material`.
         """
-        slots, coats, remarks = slots_of(mesh, len(materials)), [], []
+        coats, remarks = [], []
         for slot, material in enumerate(materials):
-            faces = slots == slot
-            if faces.any():
-                first = mesh.face_start[np.argmax(faces)]
-                coat, texts = self._coat(mesh, layers, mirrored, slot, len(materials), material, first)
+            corner = slots.first(slot)
+            if corner is not None:
+                coat, texts = self._coat(slots, slot, material, corner)
                 coats.append(coat)
                 remarks += [(material, text) for text in texts]
         return coats, remarks
 
     def _coat(
-        self,
-        mesh: Mesh,
-        layers: Layers,
-        mirrored: bool,
-        slot: int,
-        count: int,
-        material: bpy.types.Material | None,
-        corner: int,
+        self, slots: Slots, slot: int, material: bpy.types.Material | None, corner: int
     ) -> tuple[Coat, tuple[str, ...]]:
         """One material, which the corner has."""
         if material in self.constants:
             surface, one_sided, remarks = self.constants[material]
             return Coat(slot, surface, one_sided, None), remarks
+        layers = slots.layers
         one_sided, first = False, Points(layers, np.array([[corner]]), np.ones((1, 1)))
         surface = read_material(material, first, self.images)
         remarks = surface.remarks
@@ -134,7 +155,7 @@ class Painter:
         if not first.varies:
             self.constants[material] = surface, one_sided, remarks
             return Coat(slot, surface, one_sided, None), remarks
-        own, at = _of_slot(mesh, layers, mirrored, count)(slot)
+        own, at = slots.of(slot)
         at_corners = read_material(material, Points(layers, at[:, None], np.ones((len(at), 1))), self.images)
         found = _sampled(lambda points: read_material(material, points, self.images), layers, own, self.detail)
         return Coat(slot, at_corners, one_sided, found), remarks
@@ -150,14 +171,13 @@ class Painter:
         return False, () if same else ("its back differs from its front, which is used on both sides",)
 
 
-def paint(mesh: Mesh, layers: Layers, mirrored: bool, count: int, coats: Sequence[Coat], gloss: bool) -> Painted:
-    """A mesh of so many slots with its coats, and the gloss of its corners if wanted; asks nothing of Blender."""
-    corners = len(mesh.corner_vertex)
+def paint(slots: Slots, coats: Sequence[Coat], gloss: bool) -> Painted:
+    """A mesh with its coats, and the gloss of its corners if wanted; asks nothing of Blender."""
+    corners = len(slots.mesh.corner_vertex)
     shine = np.zeros((corners if gloss else 0, GLOSS), np.float32)
     painted = Painted(*([] for _ in range(6)), *np.zeros((2, corners, 3)), shine)
-    of_slot = _of_slot(mesh, layers, mirrored, count)
     for coat in coats:
-        own, at = of_slot(coat.slot)
+        own, at = slots.of(coat.slot)
         painted.corner_albedo[at], painted.corner_emission[at] = coat.surface.colour, coat.surface.emission
         if gloss:
             shine[at] = coat.surface.gloss
@@ -165,7 +185,7 @@ def paint(mesh: Mesh, layers: Layers, mirrored: bool, count: int, coats: Sequenc
         if found is None:
             of_surface = (coat.surface.albedo, coat.surface.emission, coat.surface.opacity)
             constant = (np.repeat(part, len(own), axis=0) for part in of_surface)
-            found = [(layers.world[own], *constant, [None] * len(own))]
+            found = [(slots.layers.world[own], *constant, [None] * len(own))]
         for triangles, albedo, emission, opacity, cells in found:
             painted.triangles.append(triangles)
             painted.albedo.append(albedo)
@@ -177,19 +197,6 @@ def paint(mesh: Mesh, layers: Layers, mirrored: bool, count: int, coats: Sequenc
         parts = getattr(painted, name)
         setattr(painted, name, np.concatenate(parts) if parts else np.zeros((0, *_SHAPES.get(name, ()))))
     return painted
-
-
-def slots_of(mesh: Mesh, count: int) -> Array:
-    """(F,) the slot of each face, of so many."""
-    return np.minimum(mesh.face_material, count - 1)
-
-
-def _of_slot(mesh: Mesh, layers: Layers, mirrored: bool, count: int) -> Callable[[int], tuple[Array, Array]]:
-    """What has a slot, of so many: corners (K, 3) of the triangles with an area, and all corners of the mesh."""
-    corners = mesh.triangle_corners[:, ::-1] if mirrored else mesh.triangle_corners
-    corners = corners[with_area(layers.world[corners])]
-    of_corners = np.repeat(slots_of(mesh, count), mesh.face_corners)
-    return lambda slot: (corners[of_corners[corners[:, 0]] == slot], np.flatnonzero(of_corners == slot))
 
 
 _SHAPES = {"triangles": (3, 3), "albedo": (3,), "emission": (3,)}

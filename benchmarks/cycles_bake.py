@@ -133,6 +133,8 @@ def bake(mesh: Mesh, samples: Sequence[int], threads: int) -> tuple[Array, list[
     """
     import bpy
 
+    from addon.cycles import unbiased
+
     bpy.ops.wm.read_factory_settings(use_empty=True)
     unbiased(bpy.context.scene)
     bpy.context.scene.render.threads_mode = "FIXED"
@@ -146,17 +148,6 @@ def bake(mesh: Mesh, samples: Sequence[int], threads: int) -> tuple[Array, list[
         costs.append(Cost.now().since(start))
         irradiance[seed] = np.pi * baked_colours(obj.data)
     return irradiance, costs
-
-
-def unbiased(scene: bpy.types.Scene) -> None:
-    """Cycles without any bias, into vertex colours: all bounces, no clamping, and no light tree (which is slower)."""
-    scene.render.engine = "CYCLES"
-    scene.cycles.use_light_tree = False
-    scene.cycles.use_adaptive_sampling = False
-    scene.cycles.use_denoising = False
-    scene.cycles.max_bounces = scene.cycles.diffuse_bounces = 32
-    scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0
-    scene.render.bake.target = "VERTEX_COLORS"
 
 
 def baked_colours(mesh: bpy.types.Mesh) -> Array:

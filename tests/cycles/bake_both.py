@@ -9,12 +9,12 @@ is asked for.
 import importlib
 import sys
 from collections.abc import Set
-from pathlib import Path
 
 import bpy
 import numpy as np
 
 from addon import standalone
+from addon.cycles import unbiased
 
 
 def main(scene: str, samples: int, seeds: int, out: str) -> None:
@@ -34,9 +34,8 @@ def main(scene: str, samples: int, seeds: int, out: str) -> None:
 
 
 def prepare_cycles(samples: int) -> None:
-    """Cycles without any bias, as the benchmark against it has it."""
-    sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-    importlib.import_module("cycles_bake").unbiased(bpy.context.scene)
+    """Cycles without any bias, as the study and the benchmark against it have it."""
+    unbiased(bpy.context.scene)
     bpy.context.scene.cycles.samples = samples
 
 
