@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from fmm_core import Error, Light, Opacity, Sky
 
-from . import lights
+from . import lights, ray_flags
 from .meshes import Layers, Mesh, World, is_closed, read_mesh, same_topology, triangle_centres, with_area
 from .sampling import Painted, Painter, Slots, paint
 from .shapes import Shape, two_sided
@@ -206,7 +206,8 @@ class Reading:
         self.meshes += 1
         obj, mesh = instance.object, read_mesh(data)
         name, materials = obj.name, _materials(obj)
-        for text in (*lights.visibility_remarks(obj), *lights.linking_remarks(obj)):
+        seen = ray_flags.of(instance)
+        for text in ray_flags.remarks(obj, seen, self.eye is not None):
             self.remark(f"object '{name}' {text}")
         world = World(name, mesh, np.array(instance.matrix_world, np.float64))
         slots = Slots(mesh, Layers(data, mesh, world), world.mirrored, len(materials))
@@ -217,7 +218,8 @@ class Reading:
 
         def finish() -> None:
             painted = paint(slots, coats, self.eye is not None)
-            self.add_faces(name, mesh, world, painted)
+            if seen.reflects or seen.blocks:
+                self.add_faces(name, mesh, world, painted if seen.reflects else painted.black())
             if offsets is not None:
                 self.add_corners(mesh, world, painted, *offsets)
 
@@ -322,7 +324,7 @@ class Reading:
         if not self.meshes:
             raise Error(f"scene '{scene}' has no mesh that a render would show{because}")
         if not sum(len(part) for part in self.parts.get("triangles", [])):
-            raise Error(f"no mesh of scene '{scene}' has a face{because}")
+            raise Error(f"no mesh of scene '{scene}' has a face that light meets{because}")
         if not self.receivers and self.chosen is not None:
             raise Error(f"nothing that can take colours is selected: select the meshes to bake onto{because}")
         if not self.receivers:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import fmm_core
 import numpy as np
 
+from . import ray_flags
+
 if TYPE_CHECKING:
     import bpy
 
@@ -37,26 +39,11 @@ def read_light(obj: bpy.types.Object, matrix: np.ndarray) -> tuple[fmm_core.Ligh
     bounces = getattr(cycles, "max_bounces", _MANY_BOUNCES)
     if bounces < _MANY_BOUNCES:
         remarks.append(f"has a limit of {bounces} bounces, which is not simulated")
-    remarks += linking_remarks(obj)
+    remarks += ray_flags.linking_remarks(obj)
     try:
         return _READERS[lamp.type](lamp, matrix, power), remarks
     except fmm_core.Error as error:
         raise fmm_core.Error(f"light '{obj.name}': {error}") from None
-
-
-def linking_remarks(obj: bpy.types.Object) -> list[str]:
-    """What light linking of an object is not simulated, in words."""
-    linking = getattr(obj, "light_linking", None)
-    if linking is None or (linking.receiver_collection is None and linking.blocker_collection is None):
-        return []
-    return ["has light linking, which is not simulated: it lights everything, and everything shades it"]
-
-
-def visibility_remarks(obj: bpy.types.Object) -> list[str]:
-    """What ray visibility of a mesh is not simulated, in words."""
-    flags = {"diffuse": obj.visible_diffuse, "shadow": obj.visible_shadow}
-    hidden = " and ".join(name for name, visible in flags.items() if not visible)
-    return [f"is hidden from {hidden} rays, which is not simulated: it blocks and reflects light"] if hidden else []
 
 
 def _power(lamp: bpy.types.Light) -> tuple[np.ndarray, list[str]]:

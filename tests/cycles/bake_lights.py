@@ -102,7 +102,13 @@ def image():
 def emitter():
     """A sheet that shines from both sides, upright beside the blocker."""
     corners = [(-0.7, -0.4, 0.3), (-0.7, 0.5, 0.3), (-0.8, 0.5, 1.0), (-0.8, -0.4, 1.0)]
-    mesh("Sheet", corners, [(0, 1, 2, 3)], "ShaderNodeEmission", (1.0, 0.8, 0.5, 1.0), 5.0)
+    return mesh("Sheet", corners, [(0, 1, 2, 3)], "ShaderNodeEmission", (1.0, 0.8, 0.5, 1.0), 5.0)
+
+
+def hide(obj, *rays):
+    """Hide an object from rays."""
+    for name in rays:
+        setattr(obj, f"visible_{name}", False)
 
 
 LIGHTS = {
@@ -117,6 +123,8 @@ LIGHTS = {
     "ellipse": lambda: lamp("AREA", energy=60, shape="ELLIPSE", size=0.3, size_y=0.7, spread=1.5),
     "instances": instanced,
     "emitter": emitter,
+    "hidden emitter": lambda: (lamp("AREA", energy=60, size=0.5), hide(emitter(), "diffuse")),
+    "hidden blocker": lambda: (emitter(), hide(bpy.data.objects["Blocker"], "diffuse", "shadow")),
     "even sky": lambda: world(strength=2.0),
     "sky texture": lambda: world("ShaderNodeTexSky", 0.2, sky_type="NISHITA", sun_elevation=0.9, sun_rotation=0.5),
     "image": lambda: world("ShaderNodeTexEnvironment", image=image()),
@@ -126,6 +134,8 @@ LIGHTS = {
 def clear():
     """Take away what the light before has left."""
     bpy.context.scene.world = None
+    blocker = bpy.data.objects["Blocker"]
+    blocker.visible_diffuse = blocker.visible_shadow = True
     for obj in list(bpy.data.objects):
         if obj.name not in ("Floor", "Blocker"):
             bpy.data.objects.remove(obj)

@@ -93,17 +93,50 @@ def test_nodes_of_a_lamp_multiply_its_power_or_are_named(build, read):
 
 
 def test_what_is_not_simulated_is_named(build, read):
-    floor = build.quad("Floor")
-    floor.visible_shadow = False
+    build.quad("Floor").visible_shadow = False
+    build.quad("Catcher", z=-1).is_shadow_catcher = True
     obj = lamp()
     obj.light_linking.receiver_collection = bpy.data.collections.new("Only these")
+    obj.light_linking.blocker_collection = bpy.data.collections.new("Trees")
     obj.data.cycles.max_bounces = 1
     arrays = read()
     assert arrays.warnings == (
-        "object 'Floor' is hidden from shadow rays, which is not simulated: it blocks and reflects light",
+        "object 'Floor' is hidden from shadow rays alone, which is not simulated: it blocks light",
+        "object 'Catcher' is a shadow catcher, which is not simulated: it reflects and gets light as others do",
         "light 'Lamp' has a limit of 1 bounces, which is not simulated",
-        "light 'Lamp' has light linking, which is not simulated: it lights everything, and everything shades it",
+        "light 'Lamp' is linked to light collection 'Only these', which is not simulated: it lights everything",
+        "light 'Lamp' is linked to be shaded by collection 'Trees', which is not simulated: everything shades it",
     )
+
+
+def test_objects_hidden_from_rays_are_lit_and_light_nothing(build, read):
+    """Without diffuse and shadow rays nothing is left but a receiver; without diffuse rays alone, a black one."""
+    build.quad("Floor", z=-1)
+    lamp()
+    hidden = build.quad("Hidden", build.light())
+    hidden.visible_diffuse = False
+    arrays = read()
+    assert arrays.triangles[:, 0, 2].tolist() == [-1, -1, 0, 0]
+    assert not arrays.albedo[2:].any()
+    assert not arrays.emission.any()
+    assert "object 'Hidden' is hidden from diffuse rays alone: it neither shines nor reflects" in arrays.warnings[0]
+    hidden.visible_shadow = hidden.visible_camera = hidden.visible_glossy = False
+    arrays = read()
+    assert arrays.triangles[:, 0, 2].tolist() == [-1, -1]
+    assert [receiver.object for receiver in arrays.receivers] == ["Floor", "Hidden"]
+    assert arrays.corner_emission[4:] == pytest.approx(math.pi)
+    assert arrays.warnings == ()
+
+
+def test_copies_are_hidden_from_the_rays_that_their_instancer_is(build, read):
+    build.quad("Floor", build.light())
+    group = bpy.data.collections.new("Group")
+    group.objects.link(build.quad("Copied", z=1, link=False))
+    holder = bpy.data.objects.new("Holder", None)
+    holder.instance_type, holder.instance_collection = "COLLECTION", group
+    holder.visible_diffuse = holder.visible_shadow = False
+    bpy.context.scene.collection.objects.link(holder)
+    assert not read().triangles[..., 2].any()
 
 
 def test_lamp_without_shadow_has_none(build, read):
