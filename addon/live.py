@@ -13,6 +13,7 @@ from contextlib import AbstractContextManager, nullcontext
 import bpy
 
 from . import bake, properties
+from .node_fields import SCRATCH
 from .session import session
 
 #: Seconds without a change before anything is done, and between two looks at the thread.
@@ -68,9 +69,9 @@ _follower = _Follower()
 
 
 @bpy.app.handlers.persistent
-def changed(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+def changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Note that light has changed; called by Blender after every update."""
-    if not any(_is_light(update.id) for update in depsgraph.updates):
+    if scene.name.startswith(SCRATCH) or not any(_is_light(update.id) for update in depsgraph.updates):
         return
     _follower.due = time.monotonic() + QUIET
     if not bpy.app.timers.is_registered(_turn):

@@ -259,21 +259,12 @@ def _combine(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket)
 def _checker(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array:
     vector, scale = node.inputs["Vector"], values.number(node.inputs["Scale"])[:, None]
     places = values.colour(vector) if vector.is_linked else values.points.mean(values.points.layers.generated)
+    values.points.fine = True
     # As Cycles, which keeps places on a border on one side.
     first = np.floor((places * scale + 1e-6) * 0.999999).sum(axis=1) % 2 == 1
     if socket.name == "Fac":
         return first.astype(float)
     return np.where(first[:, None], values.colour(node.inputs["Color1"]), values.colour(node.inputs["Color2"]))
-
-
-def _mean_of_noise(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array | None:
-    """What cannot be read lies around a half everywhere: better than the plain value behind it."""
-    if socket.name not in ("Fac", "Color", "Distance", "Value"):
-        return None
-    text = f"'{node.name}' is not read: 0.5 is used for it"
-    if text not in values.remarks:
-        values.remarks.append(text)
-    return np.full((1, 3) if socket.name == "Color" else 1, 0.5)
 
 
 def _grey(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array:
@@ -314,10 +305,4 @@ READERS: dict[str, Callable[[Values, bpy.types.Node, bpy.types.NodeSocket], Arra
     "ShaderNodeCombineXYZ": _combine,
     "ShaderNodeRGBToBW": _grey,
     "ShaderNodeTexChecker": _checker,
-    "ShaderNodeTexNoise": _mean_of_noise,
-    "ShaderNodeTexMusgrave": _mean_of_noise,
-    "ShaderNodeTexVoronoi": _mean_of_noise,
-    "ShaderNodeTexWave": _mean_of_noise,
-    "ShaderNodeTexMagic": _mean_of_noise,
-    "ShaderNodeTexWhiteNoise": _mean_of_noise,
 }

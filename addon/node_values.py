@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import node_math
+from . import node_fields, node_math
 from .node_readers import READERS, plain
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ class Points:
 
     back: seen from the back; texels: places (S, 2) among the pixels of each image that was asked for
     varies, sided: whether anything was asked for that differs from place to place, or from front to back
+    fine: whether anything was that may differ a lot, and comes from no image
     """
 
     layers: Layers
@@ -42,6 +43,7 @@ class Points:
     back: bool = False
     varies: bool = False
     sided: bool = False
+    fine: bool = False
     texels: list[Array] = field(default_factory=list)
 
     def mean(self, of_corners: Array) -> Array:
@@ -119,10 +121,22 @@ class Values:
             node = socket.node
             reader = READERS.get(node.bl_idname)
             found = reader(self, node, socket) if reader else None
+            if found is None and node.bl_idname in node_fields.FIELDS:
+                found = self._field(node, socket)
             if found is None:
                 raise Unreadable(node.name)
             self._known[key] = found
         return self._known[key]
+
+    def _field(self, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array:
+        given = {}
+        for each in node.inputs:
+            if each.enabled and each.is_linked:
+                given[each.identifier] = self.number(each) if each.type == "VALUE" else self.colour(each)
+            elif each.name == "Vector" and node.bl_idname in node_fields.GENERATED:
+                given[each.identifier] = self.points.mean(self.points.layers.generated)
+        self.points.fine |= any(len(values) > 1 for values in given.values())
+        return node_fields.evaluate(node, socket, given)
 
 
 def _twin(sockets: bpy.types.bpy_prop_collection, of: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

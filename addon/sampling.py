@@ -28,13 +28,15 @@ Array = np.ndarray
 #: Triangles, some in parts: positions, albedo, emission, opacity and its cells.
 _Sampled = tuple[Array, Array, Array, Array, list[Array | None]]
 
-#: Samples along the edge of a triangle at most: of colours, whose mean is wanted, and of alpha, whose edges are.
-MOST_COLOURS, MOST_ALPHA = 64, 128
+#: Samples along the edge of a triangle at most: of images, whose mean is wanted, and of alpha, whose edges are, and
+#: of noise.
+MOST_COLOURS, MOST_FINE = 64, 128
 #: Samples along an edge for each pixel of an image there.
 SAMPLES_A_PIXEL = 4
-#: And samples where values come from no image, whose pixels tell how fine they are.
+#: And pixels that are assumed where values come from no image.
 UNKNOWN = 8
-#: Samples along the edge of a triangle of the size of a part at most: what is small is seen from afar, but for four.
+#: Samples along the edge of a triangle of the size of a part at most, of images and of noise: what is small is seen
+#: from afar, but for four.
 SAMPLES_A_PART, FEW = 16, 4
 #: Samples of one material on one mesh at most.
 MOST_SAMPLES = 1 << 21
@@ -212,43 +214,53 @@ def _sampled(read: Callable[[Points], Surface], layers: Layers, corners: Array, 
         return []
     # At the corners: how fine textures are on each triangle, and whether alpha may change over it.
     points = Points(layers, corners.reshape(-1, 1), np.ones((3 * len(corners), 1)))
-    most = MOST_COLOURS if len(read(points).opacity) == 1 else MOST_ALPHA
-    texels = np.full(len(corners), float(UNKNOWN))
-    if points.texels:
+    even = len(read(points).opacity) == 1
+    most = MOST_COLOURS if even and not points.fine else MOST_FINE
+    wanted = np.full(len(corners), np.inf if points.fine else SAMPLES_A_PIXEL * UNKNOWN)
+    if points.texels and not points.fine:
         texels = np.max([_longest(places.reshape(-1, 3, 2)) for places in points.texels], axis=0)
+        wanted = SAMPLES_A_PIXEL * texels
     world = layers.world[corners]
     parts = _power_of_two(np.clip(_longest(world) / detail, 1, MOST_PARTS) / np.sqrt(2))
-    most = np.clip(SAMPLES_A_PART * _longest(world) / detail, FEW, most)
-    steps = _power_of_two(np.clip(SAMPLES_A_PIXEL * texels, 1, most))
+    most = np.clip((FEW if points.fine else SAMPLES_A_PART) * _longest(world) / detail, FEW, most)
+    steps = _power_of_two(np.clip(wanted, 1, most))
     while (steps**2).sum() > MOST_SAMPLES and steps.max() > 1:
         steps = np.minimum(steps, steps.max() // 2)
-    parts = np.minimum(parts, steps)
+    parts, coarse = np.minimum(parts, steps), steps < wanted
     found = []
-    for part, step in np.unique(np.column_stack([parts, steps]), axis=0).tolist():
-        rows = np.flatnonzero((parts == part) & (steps == step))
+    for part, step, shifted in np.unique(np.column_stack([parts, steps, coarse]), axis=0).tolist():
+        rows = np.flatnonzero((parts == part) & (steps == step) & (coarse == shifted))
         size = max(1, CHUNK // (step * step))
         for start in range(0, len(rows), size):
             chosen = corners[rows[start : start + size]]
-            found.append(_parts(read, layers, chosen, part, step // part, 2.0**-20 * detail))
+            found.append(_parts(read, layers, chosen, part, step // part, shifted, 2.0**-20 * detail))
     return found
 
 
 def _parts(
-    read: Callable[[Points], Surface], layers: Layers, corners: Array, parts: int, steps: int, grid: float
+    read: Callable[[Points], Surface],
+    layers: Layers,
+    corners: Array,
+    parts: int,
+    steps: int,
+    shifted: bool,
+    grid: float,
 ) -> _Sampled:
     """Triangles (K, 3), cut along their edges into so many parts, each with the mean of steps * steps samples.
 
-    grid: new corners have multiples of this as coordinates, m
+    shifted: samples are not in the middles of their cells but anywhere, as what they shall find is finer than cells,
+    and might be as even; grid: new corners have multiples of this as coordinates, m
     """
     bounds = _cell_corners(parts)
-    uv = cell_centres(steps)
-    weights = np.einsum("nc,pcx->pnx", np.column_stack([1 - uv.sum(axis=1), uv]), bounds)
     count, pieces, samples = len(corners), len(bounds), steps * steps
-    points = Points(
-        layers,
-        np.repeat(corners, pieces * samples, axis=0),
-        np.tile(weights.reshape(-1, 3), (count, 1)),
-    )
+    if shifted:
+        inside = np.random.default_rng(0).dirichlet(np.ones(3), (count, pieces, samples))
+        places = np.einsum("kpnb,nbc->kpnc", inside, _cell_corners(steps))
+    else:
+        uv = cell_centres(steps)
+        places = np.broadcast_to(np.column_stack([1 - uv.sum(axis=1), uv]), (count, pieces, samples, 3))
+    weights = np.einsum("kpnc,pcx->kpnx", places, bounds)
+    points = Points(layers, np.repeat(corners, pieces * samples, axis=0), weights.reshape(-1, 3))
     surface = read(points)
     shape = count, pieces, samples
     opacity = np.broadcast_to(surface.opacity, count * pieces * samples).reshape(shape)

@@ -81,6 +81,27 @@ def wall():
     lamp([(1.0, -0.5, 0.5), (1.0, 0.5, 0.5), (1.0, 0.5, 1.5), (1.0, -0.5, 1.5)])
 
 
+def procedural():
+    """A wall of bricks, half of it of coloured noise, beside a floor; only its corners are vertices."""
+    floor()
+    material = build.material("Paint")
+    tree = material.node_tree
+    bricks, noise = tree.nodes.new("ShaderNodeTexBrick"), tree.nodes.new("ShaderNodeTexNoise")
+    spread = tree.nodes.new("ShaderNodeVectorMath")
+    spread.operation, spread.inputs[1].default_value, spread.inputs[2].default_value = (
+        "MULTIPLY_ADD",
+        (1.6,) * 3,
+        (-0.3,) * 3,
+    )
+    noise.inputs["Scale"].default_value, bricks.inputs["Scale"].default_value = 3.0, 2.0
+    bricks.inputs["Color2"].default_value = (0.9, 0.1, 0.1, 1.0)
+    tree.links.new(noise.outputs["Color"], spread.inputs[0])
+    tree.links.new(spread.outputs[0], bricks.inputs["Color1"])
+    tree.links.new(bricks.outputs["Color"], next(n for n in tree.nodes if n.type == "BSDF_DIFFUSE").inputs["Color"])
+    build.object("Wall", [(-1.0, -1, 0), (-1.0, 1, 0), (-1.0, 1, 2), (-1.0, -1, 2)], [(0, 1, 2, 3)], material)
+    lamp([(1.0, -0.5, 0.5), (1.0, 0.5, 0.5), (1.0, 0.5, 1.5), (1.0, -0.5, 1.5)])
+
+
 def leaf(shader="ShaderNodeBsdfPrincipled", alpha="Alpha"):
     """A leaf with ragged edges, cut out of a quad by alpha, half way to a lamp."""
     x, y = np.meshgrid(*[(np.arange(64) + 0.5) / 32 - 1] * 2)
@@ -144,6 +165,7 @@ def bent_normals():
 PAIRS, RAYS = {"method": "direct", "particles": 4000}, {"method": "fmm", "particles": 6000, "rays": 2000}
 SCENES = {
     "wall": (wall, "INDIRECT", {}),
+    "procedural": (procedural, "INDIRECT", {}),
     "leaf": (leaf, "LIGHTING", PAIRS),
     "veil": (veil, "LIGHTING", RAYS),
     "screen": (screen, "LIGHTING", PAIRS),

@@ -29,7 +29,15 @@ def error(ours, cycles):
 
 
 @pytest.mark.parametrize(
-    ("name", "samples"), [("wall", 2048), ("leaf", 128), ("veil", 128), ("screen", 128), ("ball", 128)]
+    ("name", "samples"),
+    [
+        ("wall", 2048),
+        pytest.param("procedural", 8192, marks=pytest.mark.slow),
+        ("leaf", 128),
+        ("veil", 128),
+        ("screen", 128),
+        ("ball", 128),
+    ],
 )
 def test_floor_is_lit_as_in_cycles(name, samples, tmp_path):
     ours, cycles = bake_both(name, samples, tmp_path)

@@ -197,6 +197,31 @@ def test_a_light_with_a_dark_back_shines_one_way(build, read):
     assert any("its back differs" in text for text in read().warnings)
 
 
+def test_noise_is_evaluated_and_leaves_nothing_behind(build, lamp, read):
+    """Also where it is finer than samples, and as even: bricks whose joints would all fall between two of them."""
+    material = build.material("Bricks")
+    tree = material.node_tree
+    node, place = tree.nodes.new("ShaderNodeTexBrick"), tree.nodes.new("ShaderNodeTexCoord")
+    for name in ("Color1", "Color2"):
+        node.inputs[name].default_value = (0.8, 0.8, 0.8, 1.0)
+    node.inputs["Mortar"].default_value, node.inputs["Mortar Smooth"].default_value = (0.0, 0.0, 0.0, 1.0), 0.0
+    node.inputs["Scale"].default_value, node.inputs["Mortar Size"].default_value = 32.0, 0.02
+    tree.links.new(place.outputs["Object"], node.inputs["Vector"])
+    shader = next(each for each in tree.nodes if each.type == "BSDF_DIFFUSE")
+    tree.links.new(node.outputs["Color"], shader.inputs["Color"])
+    build.quad("Wall", material)
+    kinds = "scenes", "meshes", "objects", "node_groups", "materials"
+    before = [getattr(bpy.data, kind).keys() for kind in kinds]
+    arrays = read()
+    assert before == [getattr(bpy.data, kind).keys() for kind in kinds]
+    assert not arrays.warnings
+    rows = of(arrays, 0)
+    areas = np.linalg.norm(np.cross(*(arrays.triangles[rows, i] - arrays.triangles[rows, 0] for i in (1, 2))), axis=1)
+    # Bricks of 0.5 by 0.25, with joints of twice their size in all.
+    expected = 0.8 * (1 - 0.04 / 0.5) * (1 - 0.04 / 0.25)
+    assert areas @ arrays.albedo[rows, 0] / areas.sum() == pytest.approx(expected, rel=0.01)
+
+
 def test_a_lost_image_is_named(build, lamp, read):
     material = textured(build.material("Paint", Color=(0.1, 0.2, 0.3)), "Color", np.ones((2, 2, 4)))
     next(node for node in material.node_tree.nodes if node.type == "TEX_IMAGE").image = lost = bpy.data.images.new(

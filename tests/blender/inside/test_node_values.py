@@ -122,6 +122,11 @@ def of_number(new):
     return new("SeparateColor", texture(new), output=1)
 
 
+def hot(new):
+    """A temperature from 3000 to 6000."""
+    return new("Math", of_number(new), 3000.0, 3000.0, settings={"operation": "MULTIPLY_ADD"})
+
+
 def wide(new):
     """A number from -0.9 to 2.1."""
     return new("Math", of_number(new), 3.0, -0.9, settings={"operation": "MULTIPLY_ADD"})
@@ -189,7 +194,20 @@ CHAINS = {
                                                      output=kind in ("DOT_PRODUCT", "LENGTH", "DISTANCE"),
                                                      settings={"operation": kind}))
        for kind in ("ADD", "MULTIPLY", "MULTIPLY_ADD", "SCALE", "FRACTION", "DOT_PRODUCT", "LENGTH", "DISTANCE",
-                    "SNAP", "MAXIMUM")},
+                    "SNAP", "MAXIMUM", "CROSS_PRODUCT", "NORMALIZE")},
+    **{f"{kind.lower()} texture": (lambda new, kind=kind: new(f"Tex{kind}", new("TexCoord", output="UV"), Scale=1.3))
+       for kind in ("Noise", "Voronoi", "Wave", "Magic", "Brick")},
+    "gradient texture": lambda new: new("TexGradient", new("TexCoord", output="UV")),
+    "noise by itself": lambda new: new("TexNoise", Scale=2.0, settings={"noise_dimensions": "4D"}),
+    "voronoi distance": lambda new: new("TexVoronoi", texture(new), Scale=2.0, output=0,
+                                        settings={"feature": "SMOOTH_F1"}),
+    "brick of textures": lambda new: new("TexBrick", new("TexCoord", output="UV"), texture(new), RED, BLUE, 1.7),
+    "rotated": lambda new: new("VectorRotate", texture(new), (0.1, 0.2, 0.3), (0.0, 0.6, 0.8), 0.7),
+    "mix hues": lambda new: mixed(new, "RGBA", texture(new), BLUE, 0.6, blend_type="HUE"),
+    "map smoother": lambda new: new("MapRange", of_number(new), 0.2, 0.7, 0.1, 0.9,
+                                    settings={"interpolation_type": "SMOOTHERSTEP"}),
+    "blackbody": lambda new: new("VectorMath", new("Blackbody", hot(new)), (0.2,) * 3,
+                                 settings={"operation": "MULTIPLY"}),
 }  # fmt: skip
 
 

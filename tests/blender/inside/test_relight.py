@@ -86,6 +86,19 @@ def test_live_follows_lights_and_nothing_else(fmm, live):
     assert np.allclose(box(), 1.5 * before, rtol=1e-4)
 
 
+def test_live_is_not_started_by_what_evaluates_noise(fmm, live):
+    tree = bpy.data.materials["Red"].node_tree
+    shader = next(node for node in tree.nodes if node.type == "BSDF_DIFFUSE")
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs["Color"], shader.inputs["Color"])
+    assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+    before = box()
+    assert live()
+    glow(2.0)
+    assert live()
+    assert np.allclose(box(), 2 * before, rtol=1e-4)
+    assert not live()
+
+
 def test_live_waits_for_a_pause(fmm, live):
     glow(3.0)
     bpy.context.view_layer.update()
