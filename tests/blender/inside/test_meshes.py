@@ -13,6 +13,8 @@ def few_particles(empty):
 
 
 def select(*names):
+    # Blender 5.0 does not list new objects before.
+    bpy.context.view_layer.update()
     for obj in bpy.context.view_layer.objects:
         obj.select_set(obj.name in names)
     bpy.context.view_layer.objects.active = bpy.data.objects[names[0]]
