@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import threading
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -13,8 +16,14 @@ if TYPE_CHECKING:
 
     import fmm_core
 
+    from .solving import Places
+
 #: Before so much is done nobody can tell when the rest will be.
 _FIRST_FRACTION = 0.03
+
+
+#: How much less important than Blender's own a bake's threads are, as Linux has it.
+_NICE = 10
 
 
 @dataclass
@@ -43,17 +52,18 @@ class Session:
     """What is remembered.
 
     running: the bake under way or None; report: that of the last finished bake or None; effects: which ones the scene
-    called for when it was last looked at, as in a report, or None; solution: what it solved, which
-    serves the next bake where only lights and colours have changed, or None; pace: how much longer bakes take on this
-    machine than `estimate` has it; views: how 3D views were shaded before they showed the result; problem: why the
-    colours do not follow the lights at the moment, or None; threads_late: whether the wanted number of threads came too
-    late for this process
+    called for when it was last looked at, as in a report, or None; solution: what it solved, which serves the next bake
+    where only lights and colours have changed, or None; places: where its light was found; pace: how much longer bakes
+    take on this machine than `estimate` has it; views: how 3D views were shaded before they showed the result; problem:
+    why the colours do not follow the lights at the moment, or None; threads_late: whether the wanted number of threads
+    came too late for this process
     """
 
     running: Running | None = None
     report: dict | None = None
     effects: dict[str, dict] | None = None
     solution: fmm_core.Solution | None = None
+    places: Places | None = None
     pace: float = 1.0
     views: dict[int, dict[str, object]] = field(default_factory=dict)
     problem: str | None = None
@@ -66,13 +76,13 @@ class Session:
 
     def forget(self) -> None:
         """Let go of the last bake: another file has other geometry, and its solution can be large."""
-        self.solution = self.report = self.effects = self.problem = None
+        self.solution = self.places = self.report = self.effects = self.problem = None
         self.views.clear()
 
     def submit(self, work: Callable, *arguments: object) -> Future:
         """Start work in the thread that all bakes share: one that was cancelled ends before the next one begins."""
         if self._pool is None:
-            self._pool = ThreadPoolExecutor(max_workers=1)
+            self._pool = ThreadPoolExecutor(max_workers=1, initializer=_give_way)
         return self._pool.submit(work, *arguments)
 
     def close(self) -> None:
@@ -82,6 +92,12 @@ class Session:
         if self._pool is not None:
             self._pool.shutdown(wait=True, cancel_futures=True)
         self.__init__()
+
+
+def _give_way() -> None:
+    """Let the window be drawn first; threads that this one starts are as it is."""
+    if sys.platform == "linux":
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
 
 
 session = Session()

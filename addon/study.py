@@ -18,12 +18,12 @@ from fmm_core.progress import part
 from fmm_core.study import Bake, Judge, Study, judge, study
 
 from . import memory
-from .bake import points_of, scene_of
+from .solving import points_of, scene_of
 
 if TYPE_CHECKING:
-    from .bake import Input
     from .export import SceneArrays
     from .memory import Progress
+    from .solving import Input
 
 #: Share of the progress that finding the truth takes.
 _TRUTH = 0.15

@@ -10,7 +10,7 @@ import bpy
 import fmm_core
 from bpy.app.translations import pgettext_iface as translated
 
-from ..addon import bake, properties
+from ..addon import bake, properties, solving
 from ..addon.session import session
 from .threaded import ReadsScene
 
@@ -26,7 +26,7 @@ class FMM_RADIOSITY_OT_check(ReadsScene, bpy.types.Operator):
         """Read, plan, and report what a bake would warn of."""
         try:
             settings, arrays = properties.settings_of(context.scene), bake.read(context).arrays
-            scene = bake.scene_of(arrays)
+            scene = solving.scene_of(arrays)
             session.effects = {name: asdict(effect) for name, effect in fmm_core.plan(scene, settings).items()}
         except bake.FAILURES as error:
             self.report({"ERROR"}, bake.reason(error))
