@@ -13,12 +13,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from fmm_core import Error, Light, Opacity, Sky
+from fmm_core import Brdf, Error, Light, Opacity, Sky
 
 from . import lights, ray_flags
 from .meshes import Layers, Mesh, World, is_closed, read_mesh, same_topology, triangle_centres, with_area
 from .sampling import Painted, Painter, Slots, paint
 from .shapes import Shape, two_sided
+from .tables import Tables
 from .world import read_world
 
 if TYPE_CHECKING:
@@ -59,7 +60,8 @@ class SceneArrays:
     int unique over the scene, triangle_centre (C,3) m of the largest triangle at the corner, albedo (C,3), and
     emission (C,3) W/m^2, and gloss (C, materials.GLOSS) where there is an eye. corner_triangles (R,3) are the corners
     of each triangle that the receivers are drawn with.
-    lights: the lamps; sky: what the world sends, or None; eye (4,): where the camera is, homogeneous, or None.
+    lights: the lamps; sky: what the world sends, or None; eye (4,): where the camera is, homogeneous, or None;
+    tables: those of measured materials.
     """
 
     triangles: np.ndarray
@@ -80,6 +82,7 @@ class SceneArrays:
     receivers: tuple[Receiver, ...]
     warnings: tuple[str, ...]
     eye: np.ndarray | None = None
+    tables: tuple[Brdf, ...] = ()
 
 
 def read(context: bpy.types.Context, scope: str, view: bool = False) -> Reading:
@@ -165,7 +168,7 @@ class Reading:
     sky: Sky | None = None
 
     def __post_init__(self) -> None:
-        self.painter = Painter(_size(self.depsgraph) / DETAIL, {}, {})
+        self.painter = Painter(_size(self.depsgraph) / DETAIL, {}, {}, Tables())
         self.renderable = set(_renderable(self.depsgraph.view_layer_eval.layer_collection))
         # Where a collection is hidden, Blender evaluates its objects all the same.
         visible = {obj.name for obj in self.depsgraph.view_layer.objects if obj.visible_get()}
@@ -337,7 +340,7 @@ class Reading:
         arrays["opacity"] = _opacity(arrays["opacity"], self.opacity_cells)
         return SceneArrays(
             **arrays, lights=tuple(self.lights), sky=sky, receivers=tuple(self.receivers), warnings=warnings,
-            eye=self.eye,
+            eye=self.eye, tables=tuple(self.painter.tables.found),
         )  # fmt: skip
 
     def add_scene_remarks(self) -> None:

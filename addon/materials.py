@@ -7,14 +7,15 @@ What is not simulated, or cannot be read, does not go by silently: remarks come 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from fmm_core import Error, Gloss
+from fmm_core import Brdf, Error, Gloss
 
 from .node_readers import plain
 from .node_values import Points, Unreadable, Values
+from .tables import Tables
 from .textures import Image, MissingImage
 
 if TYPE_CHECKING:
@@ -36,7 +37,9 @@ TRACE = 1e-6
 
 #: Columns of `Surface.gloss`: four colours, then sums of which `gloss_of` takes means.
 DIFFUSE, FACING, GRAZING, PLASTIC, LEVEL, SHINE, ROUGHNESS = (*(slice(k, k + 3) for k in (0, 3, 6, 9)), 12, 13, 14)
-GLOSS = 15
+#: And the number of a measured table, counted from 1.
+MEASURED = 15
+GLOSS = 16
 
 #: Shaders that reflect all of their colour, and how the socket is called.
 _REFLECTING = {
@@ -85,14 +88,25 @@ class Surface:
     remarks: tuple[str, ...] = ()
 
 
-def read_material(material: bpy.types.Material | None, points: Points, images: dict[bpy.types.Image, Image]) -> Surface:
-    """A material at places on a mesh; no material is Blender's grey of 0.8.
+def read_material(
+    material: bpy.types.Material | None, points: Points, images: dict[bpy.types.Image, Image], tables: Tables
+) -> Surface:
+    """A material at places on a mesh; no material is Blender's grey of 0.8, and a measured one reflects as its table.
 
     Raises fmm_core.Error naming material and value where a colour or strength is negative or not finite, or where the
     emission is above MAX_EMISSION.
     """
     if material is None:
         return Surface(GREY, BLACK, ALL, GREY, _gloss(diffuse=GREY))
+    surface, number = _of_shader(material, points, images), tables.number(material)
+    if number is None:
+        return surface
+    albedo = np.minimum(tables.found[number].mean_albedo, 1.0)[None]
+    return replace(surface, albedo=albedo, colour=albedo, gloss=_gloss(facing=albedo, measured=number))
+
+
+def _of_shader(material: bpy.types.Material, points: Points, images: dict[bpy.types.Image, Image]) -> Surface:
+    """What the nodes of a material do."""
     if _without_nodes(material):
         colour = np.array([material.diffuse_color[:3]], float)
         colour = _checked(colour, material, "Base Color")
@@ -122,6 +136,7 @@ def _gloss(
     plastic: Array = BLACK,
     level: Array = NONE,
     roughness: Array = NONE,
+    measured: int = -1,
 ) -> Array:
     """(S, GLOSS) of one shader; the arguments as `fmm_core.Gloss` has them."""
     weight = plastic.mean(axis=1) * level
@@ -129,6 +144,7 @@ def _gloss(
     count = max(len(part) for part in (diffuse, facing, grazing, plastic, level, roughness))
     parts = [np.broadcast_to(part, (count, 3)) for part in (diffuse, facing, grazing, plastic)]
     parts += [np.broadcast_to(part, count)[:, None] for part in (weight, shine, shine * roughness)]
+    parts.append(np.full((count, 1), measured + 1.0))
     return np.concatenate(parts, axis=1)
 
 
@@ -273,12 +289,13 @@ def _sum(*parts: tuple[Array, _Closure]) -> _Closure:
     return _Closure(albedo, emission, sum(weight * closure.passes for weight, closure in parts), colour, gloss)
 
 
-def gloss_of(gloss: Array, towards: Array) -> Gloss:
-    """Rows (S, GLOSS) as the core takes them, for directions (S, 3) to the eye."""
+def gloss_of(gloss: Array, towards: Array, tables: tuple[Brdf, ...]) -> Gloss:
+    """Rows (S, GLOSS) as the core takes them, for directions (S, 3) to the eye, with the tables that they number."""
     weight, shine = gloss[:, PLASTIC].mean(axis=1), gloss[:, SHINE]
     level = gloss[:, LEVEL] / np.where(weight > 0, weight, np.inf)
     roughness = gloss[:, ROUGHNESS] / np.where(shine > 0, shine, np.inf)
-    return Gloss(towards, gloss[:, DIFFUSE], gloss[:, FACING], gloss[:, GRAZING], gloss[:, PLASTIC], level, roughness)
+    colours = (gloss[:, part] for part in (DIFFUSE, FACING, GRAZING, PLASTIC))
+    return Gloss(towards, *colours, level, roughness, gloss[:, MEASURED] - 1, tables)
 
 
 def facing_reflectance(level: Array, ior: Array) -> Array:

@@ -257,6 +257,26 @@ def _draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str
         icon = "BLANK1"
 
 
+class FMM_RADIOSITY_PT_material(bpy.types.Panel):
+    """What the bake takes of a material beside its nodes."""
+
+    bl_label = "FMM Radiosity"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "material"
+    bl_options: ClassVar[set[str]] = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """There is a material."""
+        return context.material is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw its file."""
+        self.layout.use_property_split = True
+        self.layout.prop(context.material.fmm_radiosity, "brdf")
+
+
 CLASSES = (
     FMM_RADIOSITY_PT_presets,
     FMM_RADIOSITY_PT_bake,
@@ -268,4 +288,5 @@ CLASSES = (
     FMM_RADIOSITY_PT_scene,
     FMM_RADIOSITY_PT_scene_quality,
     FMM_RADIOSITY_PT_scene_output,
+    FMM_RADIOSITY_PT_material,
 )

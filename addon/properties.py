@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of a bake that are saved with the scene."""
+"""Settings of a bake that are saved with the scene and its materials."""
 
 from __future__ import annotations
 
@@ -165,6 +165,17 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
     )
 
 
+class FMM_RADIOSITY_material(bpy.types.PropertyGroup):
+    """Saved in a material as `material.fmm_radiosity`."""
+
+    brdf: bpy.props.StringProperty(
+        name="BRDF File",
+        description="A measured reflection in the format of the MERL database (.binary), which replaces how the shader "
+        "reflects: its albedo in every bake, and its gloss where Camera View is on",
+        subtype="FILE_PATH",
+    )
+
+
 def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Settings:
     """Settings of a scene; keyword arguments go first. Raises fmm_core.Error naming a wrong value."""
     own = scene.fmm_radiosity
@@ -199,10 +210,12 @@ def output_of(scene: bpy.types.Scene, **overrides: object) -> attributes.Output:
 
 
 def register() -> None:
-    """Add the settings to every scene."""
+    """Add the settings to every scene and material."""
     bpy.types.Scene.fmm_radiosity = bpy.props.PointerProperty(type=FMM_RADIOSITY_settings)
+    bpy.types.Material.fmm_radiosity = bpy.props.PointerProperty(type=FMM_RADIOSITY_material)
 
 
 def unregister() -> None:
     """Take the settings away."""
+    del bpy.types.Material.fmm_radiosity
     del bpy.types.Scene.fmm_radiosity

@@ -23,6 +23,7 @@ from .session import session
 
 _CLASSES = (
     properties.FMM_RADIOSITY_settings,
+    properties.FMM_RADIOSITY_material,
     preferences.FMM_RADIOSITY_preferences,
     FMM_RADIOSITY_OT_bake,
     FMM_RADIOSITY_OT_check,

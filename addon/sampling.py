@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,7 @@ from fmm_core.opacity import cell_centres
 from .materials import GLOSS, Surface, read_material
 from .meshes import Layers, Mesh, with_area
 from .node_values import Points
+from .tables import Tables
 
 if TYPE_CHECKING:
     import bpy
@@ -122,12 +123,13 @@ class Painter:
     """Reads materials on meshes.
 
     detail: parts of triangles are about this large, m; images: what was read already; constants: materials that are
-    the same everywhere
+    the same everywhere; tables: those of measured ones
     """
 
     detail: float
     images: dict[bpy.types.Image, Image]
     constants: dict[bpy.types.Material | None, tuple[Surface, bool, tuple[str, ...]]]
+    tables: Tables
 
     def coats(
         self, slots: Slots, materials: Sequence[bpy.types.Material | None]
@@ -153,7 +155,7 @@ class Painter:
             return Coat(slot, surface, one_sided, None), remarks
         layers = slots.layers
         one_sided, first = False, Points(layers, np.array([[corner]]), np.ones((1, 1)))
-        surface = read_material(material, first, self.images)
+        surface = self._read(material, first)
         remarks = surface.remarks
         if first.sided:
             one_sided, more = self._sides(material, surface, first)
@@ -162,13 +164,16 @@ class Painter:
             self.constants[material] = surface, one_sided, remarks
             return Coat(slot, surface, one_sided, None), remarks
         own, at = slots.of(slot)
-        at_corners = read_material(material, Points(layers, at[:, None], np.ones((len(at), 1))), self.images)
-        found = _sampled(lambda points: read_material(material, points, self.images), layers, own, self.detail)
+        at_corners = self._read(material, Points(layers, at[:, None], np.ones((len(at), 1))))
+        found = _sampled(partial(self._read, material), layers, own, self.detail)
         return Coat(slot, at_corners, one_sided, found), remarks
+
+    def _read(self, material: bpy.types.Material | None, points: Points) -> Surface:
+        return read_material(material, points, self.images, self.tables)
 
     def _sides(self, material: bpy.types.Material, front: Surface, points: Points) -> tuple[bool, tuple[str, ...]]:
         """Whether a material that asks which side it is seen from is dark at its back; and a remark if it cannot be."""
-        back = read_material(material, Points(points.layers, points.corners, points.weights, back=True), self.images)
+        back = self._read(material, Points(points.layers, points.corners, points.weights, back=True))
         dark = back.albedo.max() < DARK and back.emission.max() <= DARK * front.emission.max()
         if dark and np.allclose(back.opacity, front.opacity):
             return True, ()

@@ -242,6 +242,6 @@ def view_of(
     towards = arrays.eye[:3] - arrays.eye[3] * points.points[at]
     # A point at the camera is seen from straight ahead.
     towards = np.where(np.linalg.norm(towards, axis=1, keepdims=True) > 0, towards, points.normals[at])
-    gloss = materials.gloss_of(arrays.corner_gloss[corner].astype(float), towards)
+    gloss = materials.gloss_of(arrays.corner_gloss[corner].astype(float), towards, arrays.tables)
     found = solution.radiance(points.points[at], points.normals[at], gloss, irradiance[at], progress)
     return found[inverse.reshape(-1)] + arrays.corner_emission / math.pi
