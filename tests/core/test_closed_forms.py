@@ -44,6 +44,30 @@ def missing(solution, points, normals):
     return np.abs(operator.apply(np.ones((len(solution.particles), 3))) - 1).max()
 
 
+@pytest.mark.parametrize("method", ["direct", "fmm"])
+def test_a_normal_that_leans_over_sees_the_floor_that_it_stands_on(method):
+    """By an angle a: the share (1 - cos a) / 2 of its hemisphere is below its horizon, and there is the floor."""
+    # One side of a room of cells, and something black without which surfaces would exchange no light at all.
+    floor = shapes.subdivided_room(12)
+    floor = 2 * floor[(floor[..., 2] == 0).all(axis=1)] - [1, 1, 0]
+    speck = shapes.quad([0, 0, 3], [0, 0.01, 3], [0.01, 0.01, 3], [0.01, 0, 3])
+    lamp = fmm_core.PointLight((0.0, 0.0, 2.0), 3.0)
+    scene = fmm_core.Scene([*floor, *speck], albedo=[0.7] * len(floor) + [0.0, 0.0], lights=[lamp])
+    solution = fmm_core.solve(scene, fmm_core.Settings(method=method, probes=0))
+    places = (np.arange(11) - 5) / 6.4
+    x, y = (grid.ravel() for grid in np.meshgrid(places, places))
+    points, normals = np.stack([x, y, 1e-4 + 0 * x], axis=1), np.stack([x / 2, y / 2, 1 + 0 * x], axis=1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    to = np.array(lamp.position) - points
+    squared = (to**2).sum(axis=1)
+    to /= np.sqrt(squared)[:, None]
+    from_lamp, of_floor = 3 * (to * normals).sum(axis=1) / squared, 0.7 * 3 * to[:, 2] / squared
+    exact = from_lamp + of_floor * (1 - normals[:, 2]) / 2
+    found = solution.irradiance(points, normals)[:, 0]
+    assert np.linalg.norm(found - exact) < 0.005 * np.linalg.norm(exact)
+    assert np.linalg.norm(from_lamp - exact) > 0.01 * np.linalg.norm(exact)
+
+
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
 def test_closed_cube_furnace_is_exact_in_its_corners_too(scale):
     cube = shapes.room() * scale
