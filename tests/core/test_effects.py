@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Only the effects that a scene calls for: what is left out is not done, and what is needed is missed without."""
 
+import sys
+
 import fmm_core
 import numpy as np
 import pytest
 import shapes
-from fmm_core import PointLight, Sky, SunLight
+from fmm_core import Gloss, PointLight, Sky, SunLight
 from fmm_core.effects import plan
 from fmm_core.settings import EFFECTS
 from test_visibility import LAMP, block
@@ -22,6 +24,7 @@ def scenes():
     """Scenes by name, with the effects that each calls for."""
     leaf = fmm_core.Opacity(np.where(np.arange(len(FURNISHED)) < 14, 1.0, 0.1))
     lamp, sun = PointLight((0.5, 0.5, 0.8), 1.0), SunLight((0, 0, -1), 1.0)
+    dark = PointLight((0.5, 0.5, 0.8), 0.0)
     reflecting, blocked = {"interreflection"}, {"interreflection", "occlusion"}
     return {
         "grey furnace": (fmm_core.Scene(ROOM, 0.5, 1.0), reflecting),
@@ -35,7 +38,9 @@ def scenes():
         "sealed room": (fmm_core.Scene(FURNISHED, 0.5, LIT, sky=Sky(1.0)), blocked),
         "room with a window": (fmm_core.Scene(FURNISHED[1:], 0.5, LIT[1:], sky=Sky(1.0)), blocked | {"sky"}),
         "glass box": (fmm_core.Scene(FURNISHED, 0.5, LIT, opacity=leaf), blocked | {"transparency"}),
-        "shining floor": (fmm_core.Scene(FLOOR, 0.5, sky=Sky(1.0), glossy=4), {"sky", "glossy"}),
+        "room with a lamp": (fmm_core.Scene(FURNISHED, 0.5, LIT, lights=[lamp]), blocked | {"lamps"}),
+        "room with a dark lamp": (fmm_core.Scene(FURNISHED, 0.5, LIT, lights=[dark]), blocked),
+        "shining floor": (fmm_core.Scene(FLOOR, 0.5, lights=[lamp], glossy=4), {"lamps", "glossy"}),
         "open mesh": (fmm_core.Scene([*FLOOR, *(FLOOR + [0, 0, 1])], 0.5, 1.0, True), reflecting | {"two_sided"}),
     }
 
@@ -44,9 +49,14 @@ SCENES = scenes()
 
 
 def solved(scene, **effects):
+    """A solution, and the irradiance at some points, or the radiance of metal there towards an eye."""
     settings = fmm_core.Settings(particles=800, probes=0, method="fmm", effects=effects)
-    solution = fmm_core.solve(scene, settings)
-    return solution, solution.irradiance(*shapes.random_points(scene.triangles, 8))
+    solution, points = fmm_core.solve(scene, settings), shapes.random_points(scene.triangles, 8)
+    found = solution.irradiance(*points)
+    if scene.glossy:
+        metal = Gloss(np.broadcast_to([0.6, 0.0, 0.8], found.shape), 0.0, 0.5, 1.0, roughness=0.3)
+        found = solution.radiance(*points, metal, found)
+    return solution, found
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -87,28 +97,44 @@ def test_no_ray_of_the_sky_goes_into_a_sealed_room():
     assert solution.report["counts"]["rays"] < forced.report["counts"]["rays"]
 
 
-@pytest.mark.parametrize(
-    ("effect", "name"),
-    [
-        ("occlusion", "furnished room"),
-        ("interreflection", "furnished room"),
-        ("colour", "furnished room"),
-        ("lamps", "lamp in a bare room"),
-        ("sky", "room with a window"),
-        ("transparency", "glass box"),
-        ("two_sided", "open mesh"),
-    ],
-)
-def test_a_scene_that_needs_an_effect_is_wrong_without(effect, name):
-    scene = SCENES[name][0]
+#: For each effect a scene that needs it, one that does not, and what is done for it, which is counted.
+NEEDED = {
+    "occlusion": ("furnished room", "red furnace", "rays"),
+    "interreflection": ("furnished room", "black room", "boxes"),
+    "colour": ("furnished room", "sealed room", "channels"),
+    "lamps": ("room with a lamp", "room with a dark lamp", "rays"),
+    "sky": ("room with a window", "sealed room", "rays"),
+    "transparency": ("glass box", "furnished room", "rays"),
+    "two_sided": ("open mesh", "grey furnace", "particles"),
+    "glossy": ("shining floor", "lamp in a bare room", "tables"),
+}
+
+
+@pytest.mark.parametrize("effect", NEEDED)
+def test_a_scene_that_needs_an_effect_is_wrong_without(effect):
+    scene = SCENES[NEEDED[effect][0]][0]
     _, right = solved(scene)
-    if effect == "lamps":
-        # Nothing else shines there.
-        assert right.max() > 0
     solution, wrong = solved(scene, **{effect: False})
     assert not solution.report["effects"][effect]["used"]
     assert solution.report["effects"][effect]["why"].startswith("switched off")
-    assert np.linalg.norm(wrong - right) > 0.05 * np.linalg.norm(right)
+    error = np.linalg.norm(wrong - right) / np.linalg.norm(right)
+    sys.stdout.write(f"{NEEDED[effect][0]} without {effect}: {100 * error:.0f} % off\n")
+    assert error > 0.05
+
+
+@pytest.mark.parametrize("effect", NEEDED)
+def test_what_is_left_out_is_not_done(effect):
+    """A scene that does not call for it costs what it costs without, and one that does costs more."""
+    needing, sparing, counter = NEEDED[effect]
+    assert effect in SCENES[needing][1]
+    assert effect not in SCENES[sparing][1]
+    with_it, without, spared, forced_off = (
+        solved(SCENES[name][0], **forced)[0].report["counts"][counter]
+        for name in (needing, sparing)
+        for forced in ({}, {effect: False})
+    )
+    assert with_it > without
+    assert spared == forced_off
 
 
 def test_what_a_scene_does_not_have_cannot_be_forced_on():
