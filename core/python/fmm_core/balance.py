@@ -26,7 +26,7 @@ SEEN = 0.3
 #: A scene is closed when no more of its rays leave it.
 LEAK = 1e-4
 #: Rays over the hemisphere of a particle, of one that emits, and about how many together.
-RAYS, EMITTER_RAYS, ALL_RAYS = 64, 512, 1_500_000
+RAYS, EMITTER_RAYS, ALL_RAYS = 64, 512, 320_000
 #: Corners closer than this share of the scene are one.
 SAME_CORNER = 1e-9
 
@@ -41,7 +41,7 @@ class Shares(NamedTuple):
 def find_shares(occlusion: Occlusion, particles: Particles) -> Shares:
     """What the particles see; emitters, whose light is most of it, send more rays to tell."""
     fronts, met = np.empty(len(particles)), np.empty(len(particles))
-    usual = max(RAYS // 4, min(RAYS, ALL_RAYS // len(particles)))
+    usual = max(RAYS // 16, min(RAYS, ALL_RAYS // len(particles)))
     for emits, rays in ((False, usual), (True, EMITTER_RAYS)):
         rows = np.flatnonzero(particles.emits == emits)
         rays = max(usual, min(rays, ALL_RAYS // max(1, len(rows))))

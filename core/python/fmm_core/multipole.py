@@ -25,6 +25,9 @@ MANY = 20_000
 #: For each ray of the settings a point has so many for emitters that shine all over its hemisphere, of which it mostly
 #: needs a quarter, and so many over its hemisphere, which it shares with its neighbours.
 AIMED, HEMISPHERE = 1.5, 1.5
+#: Up to so many particles sources are balanced one by one: of more, what single ones send too much or too little
+#: averages out, and their few rays tell it less well than it is without.
+SINGLE = 5000
 #: Nothing has fewer rays than these.
 LEAST_RAYS = 10.0
 
@@ -68,7 +71,7 @@ class MultipoleSpace:
         operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction, mirrored)
         if self.sums.keeps_energy:
             self._closed, shares = self._seen()
-            self._lit = operator.balanced(self._closed, shares)
+            self._lit = operator.balanced(self._closed, shares, len(self.sums.particles) <= SINGLE)
         return operator
 
     def _seen(self) -> tuple[bool, Shares | None]:

@@ -49,11 +49,17 @@ class Operator:
         self._received = received_balance(self.apply(lit), closed)
         return self
 
-    def balanced(self, closed: bool, shares: Shares | None) -> NDArray[np.bool_]:
-        """Makes the exchange keep the energy (`balance.py`); returns which particles (N, 1) others can see."""
+    def balanced(self, closed: bool, shares: Shares | None, single: bool = True) -> NDArray[np.bool_]:
+        """Makes the exchange keep the energy (`balance.py`); returns which particles (N, 1) others can see.
+
+        single: whether sources are balanced too, one by one.
+        """
         everything = np.ones_like(self._weights)
         lit = self.apply(everything) > SEEN
-        rows = self.received_balanced(closed, lit).apply(everything)
+        self.received_balanced(closed, lit)
+        if not single:
+            return lit
+        rows = self.apply(everything)
         for _ in range(ROUNDS):
             areas = self._weights * self._received
             columns = self._mirrored(areas) + self._correction.sent(areas[:, 0])[:, None]
