@@ -16,7 +16,7 @@ import numpy as np
 from fmm_core import Brdf, Error, Light, Opacity, Sky
 
 from . import lights, ray_flags
-from .meshes import Layers, Mesh, World, is_closed, read_mesh, same_topology, triangle_centres, with_area
+from .meshes import Layers, Mesh, World, about, is_closed, read_mesh, same_topology, triangle_centres, with_area
 from .sampling import Painted, Painter, Slots, paint
 from .shapes import Shape, two_sided
 from .tables import Tables
@@ -213,7 +213,7 @@ class Reading:
         for text in ray_flags.remarks(obj, seen, self.eye is not None):
             self.remark(f"object '{name}' {text}")
         world = World(name, mesh, np.array(instance.matrix_world, np.float64))
-        slots = Slots(mesh, Layers(data, mesh, world), world.mirrored, len(materials))
+        slots = Slots(mesh, Layers(data, mesh, world, about(instance)), world.mirrored, len(materials))
         coats, remarks = self.painter.coats(slots, materials)
         for material, text in remarks:
             self.remark(f"material '{material.name}' on object {_OBJECTS}: {text}", name)

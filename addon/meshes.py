@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from fmm_core import Error
@@ -29,14 +29,56 @@ class Mesh:
     triangle_face: np.ndarray  # (T,)
 
 
+#: Of Jenkins' hash, whose numbers are below the first one.
+_ALL, _TURNS = 1 << 32, (14, 11, 25, 16, 4, 14, 24)
+
+
+class About(NamedTuple):
+    """What the node Object Info says of an object or copy: location and colour are (1, 3), all else (1,)."""
+
+    location: np.ndarray
+    colour: np.ndarray
+    alpha: np.ndarray
+    index: np.ndarray
+    random: np.ndarray
+
+
+def about(instance: bpy.types.DepsgraphObjectInstance) -> About:
+    """What Cycles takes of an object or copy."""
+    obj = instance.object
+    colour, location = np.array([obj.color[:]], float), np.array([instance.matrix_world.translation[:]], float)
+    random = instance.random_id % _ALL if instance.is_instance else _hash(obj.name)
+    numbers = obj.pass_index, random / (_ALL - 1)
+    return About(location, colour[:, :3], colour[:, 3], *(np.array([float(number)]) for number in numbers))
+
+
+def _hash(name: str) -> int:
+    """The number from 0 to 2**32 - 1 that Blender has for an object: its name in 32 bits, mixed by the last steps of
+    Bob Jenkins' hash lookup3 (2006).
+    """
+    key = 0
+    for byte in name.encode():
+        key = (37 * key + byte) % _ALL
+    start = 0xDEADBEEF + (2 << 2) + 13
+    state = [(start + key) % _ALL, start % _ALL, start % _ALL]
+    for step, turn in enumerate(_TURNS):
+        # c by b, a by c, b by a, and so on.
+        into, by = (2 - 2 * step) % 3, (1 - 2 * step) % 3
+        turned = (state[by] << turn | state[by] >> 32 - turn) % _ALL
+        state[into] = ((state[into] ^ state[by]) - turned) % _ALL
+    return state[2]
+
+
 class Layers:
     """What an evaluated mesh carries at its C corners, for its materials: read when it is asked for, then kept.
 
-    position, world (C, 3) m in its own space and in the world's; generated (C, 3) from 0 to 1 over its texture space
+    position, world (C, 3) m in its own space and in the world's; normal (C, 3) unit, in its own; generated (C, 3) from
+    0 to 1 over its texture space; about: of the object
     """
 
-    def __init__(self, data: bpy.types.Mesh, mesh: Mesh, world: World) -> None:
+    def __init__(self, data: bpy.types.Mesh, mesh: Mesh, world: World, about: About) -> None:
         self._data, self._mesh, self._world = data, mesh, world
+        self.about, self.normal = about, mesh.corner_normal
         self._known: dict[tuple[str, bool | None], np.ndarray | None] = {}
         self._size = np.array(data.texspace_size, float)
         self._low = np.array(data.texspace_location, float) - self._size

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import node_math
-from .textures import Image, MissingImage
+from .textures import Image, MissingImage, box
 
 if TYPE_CHECKING:
     import bpy
@@ -35,7 +35,7 @@ def _image(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -
     image = node.image
     if image is None:
         raise MissingImage(f"texture '{node.name}' has no image")
-    if node.projection != "FLAT" or image.source not in ("FILE", "GENERATED"):
+    if node.projection not in ("FLAT", "BOX") or image.source not in ("FILE", "GENERATED"):
         return None
     if image not in values.images:
         values.images[image] = Image(image)
@@ -44,9 +44,15 @@ def _image(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -
         values.remarks.append(f"image '{image.name}' is in the colour space {pixels.strange_space}: read as linear")
     vector = node.inputs["Vector"]
     places = values.colour(vector) if vector.is_linked else _uv(values, "")
-    if len(places) == len(points.corners):
-        points.texels.append(places[:, :2] * pixels.size)
-    found = pixels.at(places, node.interpolation, node.extension, node.outputs["Alpha"].is_linked)
+    sides = [(np.ones(1), places)]
+    if node.projection == "BOX":
+        sides = box(places, points.mean(points.layers.normal), node.projection_blend)
+    found = np.zeros((1, 4))
+    for weight, on_side in sides:
+        if len(on_side) == len(points.corners):
+            points.texels.append(on_side[:, :2] * pixels.size)
+        seen = pixels.at(on_side, node.interpolation, node.extension, node.outputs["Alpha"].is_linked)
+        found = found + weight[:, None] * seen
     return found[:, 3] if socket.name == "Alpha" else found[:, :3]
 
 
@@ -89,6 +95,12 @@ def _geometry(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket
         values.points.sided = True
         return np.array([float(values.points.back)])
     return values.points.mean(values.points.layers.world) if socket.name == "Position" else None
+
+
+def _object_info(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array | None:
+    name = {"Object Index": "index", "Color": "colour"}.get(socket.name, socket.name.lower())
+    values.points.of_object = True
+    return getattr(values.points.layers.about, name, None)
 
 
 def _light_path(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array | None:
@@ -281,6 +293,7 @@ READERS: dict[str, Callable[[Values, bpy.types.Node, bpy.types.NodeSocket], Arra
     "ShaderNodeTexCoord": _coordinates,
     "ShaderNodeNewGeometry": _geometry,
     "ShaderNodeLightPath": _light_path,
+    "ShaderNodeObjectInfo": _object_info,
     "ShaderNodeAttribute": _attribute,
     "ShaderNodeVertexColor": _attribute,
     "ShaderNodeMapping": _mapping,

@@ -34,7 +34,7 @@ class Points:
 
     back: seen from the back; texels: places (S, 2) among the pixels of each image that was asked for
     varies, sided: whether anything was asked for that differs from place to place, or from front to back
-    fine: whether anything was that may differ a lot, and comes from no image
+    fine: whether anything was that may differ a lot, and comes from no image; of_object: or from object to object
     """
 
     layers: Layers
@@ -44,6 +44,7 @@ class Points:
     varies: bool = False
     sided: bool = False
     fine: bool = False
+    of_object: bool = False
     texels: list[Array] = field(default_factory=list)
 
     def mean(self, of_corners: Array) -> Array:

@@ -161,7 +161,8 @@ class Painter:
             one_sided, more = self._sides(material, surface, first)
             remarks += more
         if not first.varies:
-            self.constants[material] = surface, one_sided, remarks
+            if not first.of_object:
+                self.constants[material] = surface, one_sided, remarks
             return Coat(slot, surface, one_sided, None), remarks
         own, at = slots.of(slot)
         at_corners = self._read(material, Points(layers, at[:, None], np.ones((len(at), 1))))

@@ -82,6 +82,39 @@ class Image:
         return found
 
 
+def box(places: Array, normals: Array, blend: float) -> list[tuple[Array, Array]]:
+    """Weights (S,) and places (S, 2) on an image that is put on the sides of a box, for places and normals (S, 3) of a
+    surface: it shows where the axis of a side is nearest to the normal; where others are about as near, within the
+    share `blend`, they are mixed.
+    """
+    axes = np.abs(normals) / np.maximum(np.abs(normals).sum(axis=1, keepdims=True), 1e-30)
+    limit = (1 + blend) / 2
+    weights = np.zeros_like(axes)
+    left = np.ones(len(axes), bool)
+    for axis, (first, second) in enumerate(((1, 2), (0, 2), (0, 1))):
+        alone = (axes[:, axis] > limit * (axes[:, axis] + axes[:, first])) & (
+            axes[:, axis] > limit * (axes[:, axis] + axes[:, second])
+        )
+        weights[alone & left, axis] = 1.0
+        left &= ~alone
+    if blend == 0:
+        weights[left, 0] = 1.0
+        left[:] = False
+    for axis, (first, second) in ((2, (0, 1)), (0, (1, 2)), (1, (0, 2))):
+        two = left & (axes[:, axis] < (1 - limit) * (axes[:, first] + axes[:, second]))
+        share = axes[two, first] / (axes[two, first] + axes[two, second])
+        weights[two, first] = np.clip((share - 0.5 * (1 - blend)) / max(blend, 1e-30), 0.0, 1.0)
+        weights[two, second] = 1 - weights[two, first]
+        left &= ~two
+    weights[left] = ((2 - limit) * axes[left] + limit - 1) / max(2 * limit - 1, 1e-30)
+    x, y, z = np.broadcast_to(places, (len(axes), 3)).T
+    sides = (normals[:, 0] < 0, y, z), (normals[:, 1] > 0, x, z), (normals[:, 2] > 0, y, x)
+    return [
+        (weight, np.column_stack([np.where(turned, 1 - u, u), v]))
+        for weight, (turned, u, v) in zip(weights.T, sides, strict=True)
+    ]
+
+
 def _wrapped(places: Array, size: int, extension: str) -> tuple[Array, Array]:
     """(S,) pixels of whole places outside of the image, and whether there are any."""
     inside = np.isfinite(places)
