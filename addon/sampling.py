@@ -165,8 +165,10 @@ class Painter:
                 self.constants[material] = surface, one_sided, remarks
             return Coat(slot, surface, one_sided, None), remarks
         own, at = slots.of(slot)
-        at_corners = self._read(material, Points(layers, at[:, None], np.ones((len(at), 1))))
-        found = _sampled(partial(self._read, material), layers, own, self.detail)
+        points = Points(layers, at[:, None], np.ones((len(at), 1)))
+        at_corners = self._read(material, points)
+        most = MOST_COLOURS if len(at_corners.opacity) == 1 and not points.fine else MOST_FINE
+        found = _sampled(partial(self._read, material), points, own, self.detail, most)
         return Coat(slot, at_corners, one_sided, found), remarks
 
     def _read(self, material: bpy.types.Material | None, points: Points) -> Surface:
@@ -214,21 +216,25 @@ def paint(slots: Slots, coats: Sequence[Coat], gloss: bool) -> Painted:
 _SHAPES = {"triangles": (3, 3), "albedo": (3,), "emission": (3,)}
 
 
-def _sampled(read: Callable[[Points], Surface], layers: Layers, corners: Array, detail: float) -> list[_Sampled]:
-    """Triangles with corners (K, 3), some in parts: positions, albedo, emission, opacity and its cells, in turns."""
+def _sampled(read: Callable[[Points], Surface], at: Points, corners: Array, detail: float, most: int) -> list[_Sampled]:
+    """Triangles with corners (K, 3), some in parts: positions, albedo, emission, opacity and its cells, in turns.
+
+    at: what was asked for at the corners, in their order, which tells how fine textures are on each triangle; most:
+    samples along an edge
+    """
+    layers = at.layers
     if not len(corners):
         return []
-    # At the corners: how fine textures are on each triangle, and whether alpha may change over it.
-    points = Points(layers, corners.reshape(-1, 1), np.ones((3 * len(corners), 1)))
-    even = len(read(points).opacity) == 1
-    most = MOST_COLOURS if even and not points.fine else MOST_FINE
-    wanted = np.full(len(corners), np.inf if points.fine else SAMPLES_A_PIXEL * UNKNOWN)
-    if points.texels and not points.fine:
-        texels = np.max([_longest(places.reshape(-1, 3, 2)) for places in points.texels], axis=0)
+    wanted = np.full(len(corners), np.inf if at.fine else SAMPLES_A_PIXEL * UNKNOWN)
+    if at.texels and not at.fine:
+        among = np.searchsorted(at.corners[:, 0], corners)
+        texels = np.max([_longest(places[among]) for places in at.texels], axis=0)
         wanted = SAMPLES_A_PIXEL * texels
     world = layers.world[corners]
     parts = _power_of_two(np.clip(_longest(world) / detail, 1, MOST_PARTS) / np.sqrt(2))
-    most = np.clip((FEW if points.fine else SAMPLES_A_PART) * _longest(world) / detail, FEW, most)
+    # Noise on small triangles evens out among those of a part; there is no telling how coarse an image is.
+    a_part, least = (FEW, 1) if at.fine else (SAMPLES_A_PART, FEW)
+    most = np.clip(a_part * _longest(world) / detail, least, most)
     steps = _power_of_two(np.clip(wanted, 1, most))
     while (steps**2).sum() > MOST_SAMPLES and steps.max() > 1:
         steps = np.minimum(steps, steps.max() // 2)
