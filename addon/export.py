@@ -17,6 +17,7 @@ from fmm_core import Brdf, Error, Light, Opacity, Sky
 
 from . import lights, ray_flags
 from .meshes import Layers, Mesh, World, about, is_closed, read_mesh, same_topology, triangle_centres, with_area
+from .ray_flags import Seen
 from .sampling import Painted, Painter, Slots, paint
 from .shapes import Shape, two_sided
 from .tables import Tables
@@ -61,7 +62,7 @@ class SceneArrays:
     emission (C,3) W/m^2, and gloss (C, materials.GLOSS) where there is an eye. corner_triangles (R,3) are the corners
     of each triangle that the receivers are drawn with.
     lights: the lamps; sky: what the world sends, or None; eye (4,): where the camera is, homogeneous, or None;
-    tables: those of measured materials.
+    tables: those of measured materials; shade: as `fmm_core.Scene` has it.
     """
 
     triangles: np.ndarray
@@ -83,6 +84,7 @@ class SceneArrays:
     warnings: tuple[str, ...]
     eye: np.ndarray | None = None
     tables: tuple[Brdf, ...] = ()
+    shade: Opacity | None = None
 
 
 def read(context: bpy.types.Context, scope: str, view: bool = False) -> Reading:
@@ -157,7 +159,8 @@ class Reading:
     receivers: list[Receiver] = field(default_factory=list)
     users: dict[str, list[str]] = field(default_factory=dict)
     remarks: dict[str, list[str]] = field(default_factory=dict)
-    opacity_cells: list[np.ndarray | None] = field(default_factory=list)
+    cells: dict[str, list[np.ndarray | None]] = field(default_factory=lambda: {"opacity": [], "shade": []})
+    shaded: bool = False
     shapes: list[Shape] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
     meshes: int = 0
@@ -221,8 +224,8 @@ class Reading:
 
         def finish() -> None:
             painted = paint(slots, coats, self.eye is not None)
-            if seen.reflects or seen.blocks:
-                self.add_faces(name, mesh, world, painted if seen.reflects else painted.black())
+            if any(seen):
+                self.add_faces(name, mesh, world, painted, seen)
             if offsets is not None:
                 self.add_corners(mesh, world, painted, *offsets)
 
@@ -236,16 +239,19 @@ class Reading:
         for text in remarks:
             self.remark(f"light '{obj.name}' {text}")
 
-    def add_faces(self, name: str, mesh: Mesh, world: World, painted: Painted) -> None:
+    def add_faces(self, name: str, mesh: Mesh, world: World, painted: Painted, seen: Seen) -> None:
         """Add everything that blocks, reflects or gives off light; triangles without area do none of it."""
         kept = with_area(world.position[mesh.corner_vertex[mesh.triangle_corners]])
         flat = len(mesh.face_corners) - len(np.unique(mesh.triangle_face[kept]))
         if flat:
             faces = "1 face" if flat == 1 else f"{flat} faces"
             self.remark(f"object '{name}': {faces} without area left out")
-        names = "triangles", "albedo", "emission", "opacity", "one_sided"
+        names = "triangles", "albedo", "emission", "one_sided"
         self.append(**{name: getattr(painted, name) for name in names})
-        self.opacity_cells += painted.opacity_cells
+        for rays, meets in zip(("opacity", "shade"), seen, strict=True):
+            self.append(**{rays: painted.opacity * meets})
+            self.cells[rays] += painted.opacity_cells if meets else [None] * len(painted.opacity)
+        self.shaded |= seen.diffuse != seen.shadow
         self.shapes.append(Shape(world.position, len(painted.triangles), is_closed(mesh)))
 
     def is_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: Mesh) -> bool:
@@ -337,7 +343,10 @@ class Reading:
             raise Error(f"nothing in scene '{scene}' gives off light: add a lamp, give a mesh a material with an "
                         f"Emission shader, or the world a colour{because}")  # fmt: skip
         arrays["two_sided"] = two_sided(self.shapes) & ~arrays.pop("one_sided")
-        arrays["opacity"] = _opacity(arrays["opacity"], self.opacity_cells)
+        for rays, cells in self.cells.items():
+            arrays[rays] = _opacity(arrays[rays], cells)
+        if not self.shaded:
+            del arrays["shade"]
         return SceneArrays(
             **arrays, lights=tuple(self.lights), sky=sky, receivers=tuple(self.receivers), warnings=warnings,
             eye=self.eye, tables=tuple(self.painter.tables.found),

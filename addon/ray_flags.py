@@ -3,38 +3,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     import bpy
 
 
-@dataclass(frozen=True)
-class Seen:
-    """reflects: it gives off and reflects light; blocks: it stops light. What does neither is lit all the same."""
+class Seen(NamedTuple):
+    """Which rays meet an object; it is lit all the same.
 
-    reflects: bool
-    blocks: bool
+    diffuse: those from surface to surface, for which it shines, reflects and blocks; shadow: those from lamps and sky
+    """
+
+    diffuse: bool
+    shadow: bool
 
 
 def of(instance: bpy.types.DepsgraphObjectInstance) -> Seen:
-    """What light meets of an object, or of a copy, which has what both it and its instancer have."""
+    """What meets an object, or a copy, which has what both it and its instancer have."""
     holders = [instance.object, instance.parent] if instance.is_instance else [instance.object]
-    diffuse, shadow = (all(getattr(obj, name) for obj in holders) for name in ("visible_diffuse", "visible_shadow"))
-    # Hidden from shadow rays alone it would let through light of lamps, and stop that of surfaces.
-    return Seen(reflects=diffuse, blocks=diffuse or shadow)
+    return Seen(*(all(getattr(obj, f"visible_{name}") for obj in holders) for name in Seen._fields))
 
 
 def remarks(obj: bpy.types.Object, seen: Seen, view: bool) -> list[str]:
     """What is not simulated, in words; view: whether gloss is shown to a camera."""
-    found = linking_remarks(obj) if seen.reflects else []
-    if seen.reflects and not obj.visible_shadow:
-        found.append("is hidden from shadow rays alone, which is not simulated: it blocks light")
-    if seen.blocks and not seen.reflects:
-        found.append("is hidden from diffuse rays alone: it neither shines nor reflects, but blocks light of lamps "
-                     "and surfaces alike")  # fmt: skip
-    if view and seen.reflects and not obj.visible_glossy:
+    found = linking_remarks(obj) if seen.diffuse else []
+    if seen.diffuse and not seen.shadow:
+        found.append("is hidden from shadow rays alone: it lets light of lamps and the sky through, but blocks that of "
+                     "surfaces that shine")  # fmt: skip
+    if seen.shadow and not seen.diffuse:
+        found.append("is hidden from diffuse rays alone: it blocks light of lamps and the sky, but not that of "
+                     "surfaces that shine")  # fmt: skip
+    if view and seen.diffuse and not obj.visible_glossy:
         found.append("is hidden from glossy rays, which is not simulated: gloss shows it")
     if obj.is_shadow_catcher:
         found.append("is a shadow catcher, which is not simulated: it reflects and gets light as others do")

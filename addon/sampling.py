@@ -8,7 +8,7 @@ is large, it is cut, so that light of several colours leaves it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
@@ -71,10 +71,6 @@ class Painted:
     corner_albedo: Array
     corner_emission: Array
     corner_gloss: Array
-
-    def black(self) -> Painted:
-        """The same whose triangles neither reflect nor shine."""
-        return replace(self, albedo=np.zeros_like(self.albedo), emission=np.zeros_like(self.emission))
 
 
 class Slots:

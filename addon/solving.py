@@ -177,6 +177,7 @@ def scene_of(arrays: export.SceneArrays) -> fmm_core.Scene:
         lights=arrays.lights,
         sky=arrays.sky,
         glossy=0 if arrays.eye is None else int(np.count_nonzero(arrays.corner_gloss[:, materials.SHINE])),
+        shade=arrays.shade,
     )
 
 

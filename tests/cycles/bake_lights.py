@@ -105,6 +105,12 @@ def emitter():
     return mesh("Sheet", corners, [(0, 1, 2, 3)], "ShaderNodeEmission", (1.0, 0.8, 0.5, 1.0), 5.0)
 
 
+def wall():
+    """A bright wall beside the blocker, which the sun shines on."""
+    corners = [(1.2, -1.5, 0.01), (1.2, 1.5, 0.01), (0.9, 1.5, 2.0), (0.9, -1.5, 2.0)]
+    mesh("Wall", corners, [(3, 2, 1, 0)], "ShaderNodeBsdfDiffuse", (0.9, 0.9, 0.9, 1.0))
+
+
 def hide(obj, *rays):
     """Hide an object from rays."""
     for name in rays:
@@ -123,6 +129,8 @@ LIGHTS = {
     "ellipse": lambda: lamp("AREA", energy=60, shape="ELLIPSE", size=0.3, size_y=0.7, spread=1.5),
     "instances": instanced,
     "emitter": emitter,
+    "pane": lambda: (lamp("AREA", energy=60, size=0.5), hide(bpy.data.objects["Blocker"], "shadow")),
+    "shade": lambda: (lamp("SUN", energy=3, angle=0.15), wall(), hide(bpy.data.objects["Blocker"], "diffuse")),
     "hidden emitter": lambda: (lamp("AREA", energy=60, size=0.5), hide(emitter(), "diffuse")),
     "hidden blocker": lambda: (emitter(), hide(bpy.data.objects["Blocker"], "diffuse", "shadow")),
     "even sky": lambda: world(strength=2.0),

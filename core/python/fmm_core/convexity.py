@@ -27,6 +27,8 @@ def nothing_between(triangles: Points, points: Points, lamp: Points, radius: flo
     lamp (K, 4) homogeneous points, the lamp being within `radius` of their convex hull; the last number is 1, or 0 for
     a direction, of which `radius` is the sine of the angle about it.
     """
+    if len(triangles) == 0:
+        return True
     planes, size = _planes(triangles), float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
     return _on_one_side(planes, points[:: max(1, len(points) // FEW)], lamp, radius, ON_PLANE * size) and _on_one_side(
         _different(planes, size), points, lamp, radius, ON_PLANE * size

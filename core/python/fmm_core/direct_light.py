@@ -107,7 +107,7 @@ class Receivers:
         seen, through = np.ones(len(rows)), np.ones(len(rows))
         shadows = light.shadows and self._occlusion is not None and len(rows) > 0
         if shadows:
-            shadows = not nothing_between(self._occlusion.triangles, self.points[rows], *light.extent)
+            shadows = not nothing_between(self._occlusion.shading.triangles, self.points[rows], *light.extent)
         partly, again = np.zeros((2, len(rows)), bool)
 
         def first(block: slice) -> int:

@@ -64,9 +64,9 @@ def _occlusion(scene: Scene) -> Effect:
     if some_stand_between(scene.triangles):
         return Effect(True, "a surface can stand between two others")
     for light in scene.lights:
-        if light.shadows and not nothing_between(scene.triangles, corners, *light.extent):
+        if light.shadows and not nothing_between(scene.shading.triangles, corners, *light.extent):
             return Effect(True, "a surface can stand between a lamp and another one")
-    if scene.sky is not None and some_face(scene.triangles, scene.two_sided):
+    if scene.sky is not None and (scene.shade is not None or some_face(scene.triangles, scene.two_sided)):
         return Effect(True, "surfaces hide parts of the sky from each other")
     return Effect(False, "nothing can be in the way: no surface has others on both sides of its plane")
 
@@ -93,7 +93,12 @@ def _lamps(scene: Scene) -> Effect:
 def _sky(scene: Scene) -> Effect:
     if scene.sky is None:
         return Effect(False, "no light comes from the sky")
-    if scene.opacity is None and not scene.two_sided.any() and _binding.is_sealed(scene.triangles):
+    if (
+        scene.shade is None
+        and scene.opacity is None
+        and not scene.two_sided.any()
+        and _binding.is_sealed(scene.triangles)
+    ):
         return Effect(False, "everything is inside a mesh without openings")
     return Effect(True, "light comes from outside of the scene")
 

@@ -99,8 +99,12 @@ class Incident:
             emission = self._scene.emission[self._particles.triangle[met.particles[lit]]] / np.pi
             radiance[lit] -= emission * (other / (own[lit] * (own[lit] + other)))[:, None]
         if self._scene.sky is not None:
-            free = met.triangles < 0
-            radiance[free] += self._scene.sky.smooth(chosen[free]) / own[free, None]
+            through = (met.triangles < 0).astype(float)
+            if self._scene.shade is not None:
+                ends = at.points[row], at.normals[row], chosen
+                through = self._occlusion.transmitted(*ends, np.full(len(row), np.inf))
+            free = through > 0
+            radiance[free] += (through[free] / own[free])[:, None] * self._scene.sky.smooth(chosen[free])
         flux = np.zeros(directions.shape)
         flux[row, k] = radiance
         at.add(directions, flux, found)

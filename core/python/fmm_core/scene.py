@@ -3,6 +3,7 @@
 
 import copy
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +24,13 @@ FAR = 10.0
 _SPREAD = np.random.default_rng(0).random(9)
 
 
+class Shade(NamedTuple):
+    """What stands in the way of lamps and sky: triangles (S, 3, 3), and their opacity, None where all of it is 1."""
+
+    triangles: NDArray[np.float64]
+    opacity: Opacity | None
+
+
 class Scene:
     """Triangles in world space with their materials, validated; arrays are read-only float64.
 
@@ -35,6 +43,8 @@ class Scene:
     lights      lamps, see `lights.py`
     sky         what shines from all around, or None
     glossy      how many places an eye is to see the gloss of, by `Solution.radiance`
+    shade       as opacity: the share of the light of lamps and sky that a triangle stops, where that is not its
+                opacity, which then is for light of surfaces alone; afterwards a `Shade`, or None where none is given
     warnings    what was changed or left out, one line each
     origin      (3,) where the coordinates of the triangles count from, 0 as given
 
@@ -54,6 +64,7 @@ class Scene:
         lights: Sequence[Light] = (),
         sky: Sky | None = None,
         glossy: int = 0,
+        shade: ArrayLike | Opacity | None = None,
     ) -> None:
         corners = numbers("triangles", triangles)
         if corners.ndim != 3 or corners.shape[1:] != (3, 3):
@@ -64,11 +75,13 @@ class Scene:
         reflected = _colours("albedo", albedo, len(corners))
         emitted = _colours("emission", emission, len(corners))
         sides = _flags("two_sided", two_sided, len(corners))
-        stopped = _opacity(opacity, len(corners))
+        stopped = _opacity("opacity", opacity, len(corners))
 
         self.warnings: list[str] = []
         self._given = len(corners)
-        kept = self._with_area(corners) & (stopped.mean > 0)
+        kept = self._with_area(corners)
+        self.shade = None if shade is None else _shade(corners, kept, _opacity("shade", shade, len(corners)))
+        kept &= stopped.mean > 0
         if not kept.any():
             raise Error("opacity: no triangle with an area stops any light")
         kept[kept] = self._once(corners[kept], [stopped.mean[kept], emitted[kept].sum(axis=1)], sides[kept])
@@ -78,13 +91,18 @@ class Scene:
         self.emission = _frozen(emitted[kept])
         self.two_sided = _frozen(sides[kept])
         self.opacity = None if stopped.of(kept).is_whole else stopped.of(kept)
-        self.centre, self.size = _bounds(self.triangles)
+        self.centre, self.size = _bounds(np.concatenate([self.triangles, self.shading.triangles]))
         if self.size < SMALLEST:
             raise Error(f"triangles: the scene is {self.size:g} across, expected at least {SMALLEST:g}")
         self.origin = np.zeros(3)
         self.lights, self.sky = checked_lights(lights), _checked_sky(sky)
         self.glossy = glossy
         self._check_lit()
+
+    @property
+    def shading(self) -> Shade:
+        """What stands in the way of lamps and sky."""
+        return self.shade or Shade(self.triangles, self.opacity)
 
     @property
     def is_grey(self) -> bool:
@@ -107,6 +125,8 @@ class Scene:
             return self
         scene = copy.copy(self)
         scene.triangles = _frozen(np.ascontiguousarray(self.triangles - self.centre))
+        if self.shade is not None:
+            scene.shade = self.shade._replace(triangles=_frozen(self.shade.triangles - self.centre))
         scene.origin, scene.centre = self.origin + self.centre, np.zeros(3)
         scene.lights = tuple(light.moved(-self.centre) for light in self.lights)
         return scene
@@ -139,9 +159,11 @@ class Scene:
         """Whether another scene was given the same triangles with the same sides and opacity."""
         names = "triangles", "triangle_indices", "two_sided"
         same = all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
-        if (self.opacity is None) != (other.opacity is None):
+        if (self.shade is None) != (other.shade is None):
             return False
-        return same and self._given == other._given and (self.opacity is None or self.opacity.same(other.opacity))
+        same &= self.shade is None or np.array_equal(self.shade.triangles, other.shade.triangles)
+        opacities = (self.opacity, other.opacity), (self.shading.opacity, other.shading.opacity)
+        return same and self._given == other._given and all(_same(*pair) for pair in opacities)
 
     def _check_lit(self) -> None:
         if not self.emission.any() and not any(light.colour.any() for light in self.lights) and self.sky is None:
@@ -211,13 +233,24 @@ def _colours(name: str, values: ArrayLike, count: int) -> NDArray[np.float64]:
     return colours
 
 
-def _opacity(values: ArrayLike | Opacity, count: int) -> Opacity:
+def _opacity(name: str, values: ArrayLike | Opacity, count: int) -> Opacity:
     if not isinstance(values, Opacity):
-        shares = numbers("opacity", values)
+        shares = numbers(name, values)
         values = Opacity(np.broadcast_to(shares, (count,)) if shares.ndim == 0 else shares)
     if len(values.mean) != count:
-        raise Error(f"opacity: expected {count} rows like triangles, got {len(values.mean)}")
+        raise Error(f"{name}: expected {count} rows like triangles, got {len(values.mean)}")
     return values
+
+
+def _shade(corners: NDArray[np.float64], kept: NDArray[np.bool_], stopped: Opacity) -> Shade:
+    """Of triangles (T, 3, 3) of which some (T,) have an area."""
+    stops = kept & (stopped.mean > 0)
+    left = stopped.of(stops)
+    return Shade(_frozen(corners[stops]), None if left.is_whole else left)
+
+
+def _same(one: Opacity | None, other: Opacity | None) -> bool:
+    return one is other is None or (one is not None and other is not None and one.same(other))
 
 
 def _checked_sky(sky: Sky | None) -> Sky | None:

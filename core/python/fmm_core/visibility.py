@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from . import _binding
 from .kept import HIT_STEPS, KeptVisibility, Replaying
-from .opacity import SeeThrough
+from .opacity import Opacity, SeeThrough
 from .particles import Particles
 from .patterns import around, disc, shifts
 from .progress import Tick, silent
@@ -91,6 +91,7 @@ class Occlusion:
     rays    how many have been asked so far, those included whose answers were kept
     kept    answers of earlier solves, and where those of this one go, or None
     whole   whether nothing lets any light through
+    shading what stands in the way of lamps and sky, which is asked for by `transmitted`
     """
 
     def __init__(self, scene: Scene, kept: KeptVisibility | None = None) -> None:
@@ -100,16 +101,22 @@ class Occlusion:
         edges = scene.triangles[:, 1:] - scene.triangles[:, :1]
         self._normals = np.cross(edges[:, 0], edges[:, 1])
         self.rays = 0
-        corners = ((scene.triangles - self._centre) / self._scale).astype(np.float32)
-        self._scene = _Tracer(corners)
-        # The first call commits the scene, which must not happen in several threads at once.
-        self._occluded(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+        self.shading = scene.shading
         self.whole = scene.opacity is None
-        if not self.whole:
-            self._scene = SeeThrough(self._scene, scene.opacity)
+        self._scene = self._tracer(scene.triangles, scene.opacity)
         self._unkept = self._scene
         if kept is not None:
             self._scene = kept.around(self._scene)
+        # What stands in the way of lamps alone is not kept.
+        shaded = scene.shade is not None and len(scene.shade.triangles)
+        self._shade = self._tracer(*scene.shade) if shaded else None
+
+    def _tracer(self, triangles: NDArray[np.float64], opacity: Opacity | None) -> _Tracer | SeeThrough:
+        tracer = _Tracer(((triangles - self._centre) / self._scale).astype(np.float32))
+        # The first call commits the scene, which must not happen in several threads at once.
+        one = np.ones((1, 3), np.float32)
+        tracer.run(0 * one, one, dists=one[:, 0], query="OCCLUDED")
+        return tracer if opacity is None else SeeThrough(tracer, opacity)
 
     def apart(self) -> "Occlusion":
         """The same triangles, for rays that are counted apart and never kept."""
@@ -122,11 +129,13 @@ class Occlusion:
         """Rays whose answers were kept."""
         return self._scene.replayed if isinstance(self._scene, Replaying) else 0
 
-    def _occluded(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def _occluded(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32], tracer: Any = None
+    ) -> NDArray[np.bool_]:
         if len(origins) == 0:
             return np.zeros(0, dtype=bool)
         reach = np.ones(len(origins), dtype=np.float32)
-        return self._scene.run(origins, directions, dists=reach, query="OCCLUDED") == 0
+        return (tracer or self._scene).run(origins, directions, dists=reach, query="OCCLUDED") == 0
 
     def visible_pairs(
         self,
@@ -301,10 +310,13 @@ class Occlusion:
         # All ends beyond the scene are as good, and single precision does not reach far.
         reach = np.clip(distances / self._scale - END, 0.0, OUTSIDE)
         directions = (directions * reach[:, None]).astype(np.float32)
-        if self.whole or len(origins) == 0:
-            return 1.0 - self._occluded(origins, directions)
+        tracer = self._shade or self._scene
+        if len(self.shading.triangles) == 0:
+            return np.ones(len(origins))
+        if self.shading.opacity is None or len(origins) == 0:
+            return 1.0 - self._occluded(origins, directions, tracer)
         ends = np.ones(len(origins), np.float32)
-        return _on_grid(self._scene.run(origins, directions, dists=ends, query="TRANSMITTED")).astype(np.float64)
+        return _on_grid(tracer.run(origins, directions, dists=ends, query="TRANSMITTED")).astype(np.float64)
 
     def met(
         self,

@@ -93,7 +93,7 @@ def test_nodes_of_a_lamp_multiply_its_power_or_are_named(build, read):
 
 
 def test_what_is_not_simulated_is_named(build, read):
-    build.quad("Floor").visible_shadow = False
+    build.quad("Floor")
     build.quad("Catcher", z=-1).is_shadow_catcher = True
     obj = lamp()
     obj.light_linking.receiver_collection = bpy.data.collections.new("Only these")
@@ -101,7 +101,6 @@ def test_what_is_not_simulated_is_named(build, read):
     obj.data.cycles.max_bounces = 1
     arrays = read()
     assert arrays.warnings == (
-        "object 'Floor' is hidden from shadow rays alone, which is not simulated: it blocks light",
         "object 'Catcher' is a shadow catcher, which is not simulated: it reflects and gets light as others do",
         "light 'Lamp' has a limit of 1 bounces, which is not simulated",
         "light 'Lamp' is linked to light collection 'Only these', which is not simulated: it lights everything",
@@ -109,23 +108,37 @@ def test_what_is_not_simulated_is_named(build, read):
     )
 
 
-def test_objects_hidden_from_rays_are_lit_and_light_nothing(build, read):
-    """Without diffuse and shadow rays nothing is left but a receiver; without diffuse rays alone, a black one."""
+def test_objects_hidden_from_rays_are_lit_all_the_same(build, read):
+    """Without diffuse rays they meet no light of surfaces, without shadow rays none of lamps, and without both none."""
     build.quad("Floor", z=-1)
     lamp()
     hidden = build.quad("Hidden", build.light())
-    hidden.visible_diffuse = False
-    arrays = read()
-    assert arrays.triangles[:, 0, 2].tolist() == [-1, -1, 0, 0]
-    assert not arrays.albedo[2:].any()
-    assert not arrays.emission.any()
-    assert "object 'Hidden' is hidden from diffuse rays alone: it neither shines nor reflects" in arrays.warnings[0]
-    hidden.visible_shadow = hidden.visible_camera = hidden.visible_glossy = False
+    assert read().shade is None
+    for ray, other in (("diffuse", "of lamps and the sky, but"), ("shadow", "of surfaces")):
+        hidden.visible_diffuse, hidden.visible_shadow = ray != "diffuse", ray != "shadow"
+        arrays = read()
+        assert arrays.opacity.mean.tolist() == [1, 1, *[float(ray != "diffuse")] * 2]
+        assert arrays.shade.mean.tolist() == [1, 1, *[float(ray != "shadow")] * 2]
+        (warning,) = arrays.warnings
+        assert f"object 'Hidden' is hidden from {ray} rays alone: it" in warning
+        assert other in warning
+    hidden.visible_diffuse = hidden.visible_camera = hidden.visible_glossy = False
     arrays = read()
     assert arrays.triangles[:, 0, 2].tolist() == [-1, -1]
+    assert arrays.shade is None
     assert [receiver.object for receiver in arrays.receivers] == ["Floor", "Hidden"]
     assert arrays.corner_emission[4:] == pytest.approx(math.pi)
     assert arrays.warnings == ()
+
+
+def test_a_veil_hidden_from_diffuse_rays_shades_by_its_alpha(build, read):
+    build.quad("Floor", z=-1)
+    lamp()
+    alpha = build.material("Veil", "ShaderNodeBsdfPrincipled", Alpha=0.25)
+    build.quad("Veil", alpha).visible_diffuse = False
+    arrays = read()
+    assert arrays.opacity.mean.tolist() == [1, 1, 0, 0]
+    assert arrays.shade.mean == pytest.approx([1, 1, 0.25, 0.25])
 
 
 def test_copies_are_hidden_from_the_rays_that_their_instancer_is(build, read):
