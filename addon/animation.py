@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import fmm_core
 import numpy as np
 from fmm_core.progress import part
 
@@ -18,7 +19,6 @@ from .session import Session
 
 if TYPE_CHECKING:
     import bpy
-    import fmm_core
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,14 @@ class Frame:
 class Frames:
     """Bakes frame after frame of a scene: `read` and `take` in the main thread, `compute` in any.
 
-    Where only lights and colours change from a frame to the next, its visibility is used again.
+    Where only lights and colours change from a frame to the next its visibility is used again, and where something
+    moves that of all rays that do not pass it.
     """
 
     def __init__(self, numbers: Sequence[int]) -> None:
         self._numbers = numbers
         self._done: list[Frame] = []
-        self._session = Session()
+        self._session = Session(moving=fmm_core.MovingVisibility())
 
     def read(self, context: bpy.types.Context, **output: object) -> bake.Input | None:
         """Go to the next frame and read it, output as in `bake.read`; None once all are done."""

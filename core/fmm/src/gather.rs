@@ -122,12 +122,15 @@ impl Gather {
     pub fn rays(&self, targets: &Octree, frame: &Frame, leaves: Range<usize>) -> GatherRays {
         let mut rays = GatherRays::default();
         for open in &self.leaves[leaves] {
-            for i in targets.points_of(open.leaf as usize) {
+            let points = targets.points_of(open.leaf as usize);
+            // By its number in the scene, so that what moves elsewhere leaves the rays as they are.
+            let first = f64::from(targets.to_scene[points.start]);
+            for (row, i) in points.enumerate() {
                 let (x, n) = (targets.positions[i], targets.normals[i]);
                 let (s, t) = tangents(n);
                 let origin = frame.start(x, n);
                 // Points next to each other have spirals of their own, so that their errors differ.
-                let [shift, turn] = R2.map(|r| (r * (i as f64 + 0.5)).fract());
+                let [shift, turn] = R2.map(|r| (r * (first + row as f64 + 0.5)).fract());
                 for k in 0..self.density {
                     let at = [(k as f64 + shift) / self.density as f64, GOLDEN * k as f64 + turn];
                     let d = cosine_direction(n, s, t, at);

@@ -10,6 +10,7 @@ from .gloss import Gloss
 from .harmonics import irradiance_of, matched
 from .kept import KeptVisibility
 from .lights import AreaLight, Light, PointLight, SpotLight, SunLight
+from .moving import MovingVisibility
 from .opacity import Opacity
 from .scene import MAX_ALBEDO, Scene
 from .settings import EFFECTS, Settings
@@ -29,6 +30,7 @@ __all__ = [
     "Gloss",
     "KeptVisibility",
     "Light",
+    "MovingVisibility",
     "Opacity",
     "OutputPoints",
     "PointLight",
