@@ -21,6 +21,7 @@ from .ray_flags import Seen
 from .sampling import Painted, Painter, Slots, paint
 from .shapes import Shape, two_sided
 from .tables import Tables
+from .volumes import read_volume
 from .world import read_world
 
 if TYPE_CHECKING:
@@ -61,8 +62,9 @@ class SceneArrays:
     int unique over the scene, triangle_centre (C,3) m of the largest triangle at the corner, albedo (C,3), and
     emission (C,3) W/m^2, and gloss (C, materials.GLOSS) where there is an eye. corner_triangles (R,3) are the corners
     of each triangle that the receivers are drawn with.
-    lights: the lamps; sky: what the world sends, or None; eye (4,): where the camera is, homogeneous, or None;
-    tables: those of measured materials; shade: as `fmm_core.Scene` has it.
+    lights: the lamps; sky: what the world sends, or None; medium (3,) 1/m: what it absorbs of light on its way;
+    eye (4,): where the camera is, homogeneous, or None; tables: those of measured materials; shade: as `fmm_core.Scene`
+    has it.
     """
 
     triangles: np.ndarray
@@ -80,6 +82,7 @@ class SceneArrays:
     corner_triangles: np.ndarray
     lights: tuple[Light, ...]
     sky: Sky | None
+    medium: np.ndarray
     receivers: tuple[Receiver, ...]
     warnings: tuple[str, ...]
     eye: np.ndarray | None = None
@@ -317,7 +320,8 @@ class Reading:
         self.scene = scene.name
         self.add_scene_remarks()
         self.sky, remarks = read_world(scene)
-        for text in remarks:
+        self.medium, more = read_volume(scene.world)
+        for text in (*remarks, *more):
             self.remark(f"world '{scene.world.name}': {text}")
 
     def arrays(self) -> SceneArrays:
@@ -348,8 +352,8 @@ class Reading:
         if not self.shaded:
             del arrays["shade"]
         return SceneArrays(
-            **arrays, lights=tuple(self.lights), sky=sky, receivers=tuple(self.receivers), warnings=warnings,
-            eye=self.eye, tables=tuple(self.painter.tables.found),
+            **arrays, lights=tuple(self.lights), sky=sky, medium=self.medium, receivers=tuple(self.receivers),
+            warnings=warnings, eye=self.eye, tables=tuple(self.painter.tables.found),
         )  # fmt: skip
 
     def add_scene_remarks(self) -> None:

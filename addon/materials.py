@@ -17,6 +17,7 @@ from .node_readers import plain
 from .node_values import Points, Unreadable, Values
 from .tables import Tables
 from .textures import Image, MissingImage
+from .volumes import volume_node
 
 if TYPE_CHECKING:
     import bpy
@@ -112,11 +113,17 @@ def _of_shader(material: bpy.types.Material, points: Points, images: dict[bpy.ty
         colour = _checked(colour, material, "Base Color")
         return Surface(colour, BLACK, ALL, colour, _gloss(diffuse=colour))
     socket = _surface_socket(material.node_tree)
+    volume = volume_node(material, "ShaderNodeOutputMaterial")
+    if volume is not None and not (socket is not None and socket.is_linked):
+        text = f"its volume '{volume.name}' is not simulated: all light passes through it"
+        return Surface(GREY, BLACK, NONE, GREY, _gloss(diffuse=GREY), (text,))
     if socket is None or not socket.is_linked:
         return Surface(
             GREY, BLACK, ALL, GREY, _gloss(diffuse=GREY), ("has no shader at its Surface output, grey 0.8 is used",)
         )
     shaders = _Shaders(material, Values(points, images))
+    if volume is not None:
+        shaders.remark(f"its volume '{volume.name}' is not simulated")
     closure = shaders.closure(socket)
     opacity = 1 - np.clip(closure.passes, 0, 1)
     glows = (closure.emission > 10 * TRACE * closure.emission.max()).any(axis=1)

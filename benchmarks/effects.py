@@ -48,6 +48,7 @@ def cases() -> dict[str, tuple[Callable[[], Scene], Callable[[], Scene], dict[st
         "transparency": (plain, lambda: Scene(triangles, albedo, emission, opacity=Opacity(clear)), {}),
         "two_sided": (plain, lambda: Scene(triangles, albedo, emission, True), {}),
         "glossy": (plain, lambda: Scene(triangles, albedo, emission, glossy=1), {}),
+        "medium": (plain, lambda: Scene(triangles, albedo, emission, medium=1e-9), {}),
     }
 
 

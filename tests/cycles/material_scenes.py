@@ -161,6 +161,27 @@ def bent_normals():
     lamp_above()
 
 
+def fog():
+    """A closed room of three grey walls with a shining ceiling and a lamp, full of a medium that absorbs blue most."""
+    floor(8, 1.8)
+    box = build.cube("Box", build.material("Paint", Color=(0.6, 0.6, 0.6)), size=2.0, inward=True)
+    box.location = (0, 0, 0.95)
+    lamp_above(height=1.8)
+    data = bpy.data.lights.new("Bulb", "POINT")
+    data.energy, data.shadow_soft_size = 20.0, 0.1
+    bulb = bpy.data.objects.new("Bulb", data)
+    bulb.location = (0.5, 0.4, 1.2)
+    bpy.context.scene.collection.objects.link(bulb)
+    world = bpy.context.scene.world = bpy.data.worlds.new("Fog")
+    if world.node_tree is None:
+        world.use_nodes = True
+    nodes = world.node_tree.nodes
+    nodes.clear()
+    volume, output = nodes.new("ShaderNodeVolumeAbsorption"), nodes.new("ShaderNodeOutputWorld")
+    volume.inputs["Color"].default_value, volume.inputs["Density"].default_value = (0.9, 0.5, 0.2, 1.0), 1.2
+    world.node_tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
+
+
 #: What is made, what is compared, and settings by which shadows are finer than a percent.
 PAIRS, RAYS = {"method": "direct", "particles": 4000}, {"method": "fmm", "particles": 6000, "rays": 2000}
 SCENES = {
@@ -171,6 +192,8 @@ SCENES = {
     "screen": (screen, "LIGHTING", PAIRS),
     "plastic": (plastic, "LIGHTING", {}),
     "ball": (round_shape, "LIGHTING", {}),
+    "fog": (fog, "LIGHTING", {}),
+    "fog by rays": (fog, "LIGHTING", RAYS),
     # Ours would see a little of the floor that they stand on.
     "bent normals": (bent_normals, "LIGHTING", {"effects": {"interreflection": False}}),
 }

@@ -53,6 +53,15 @@ def test_specular_reflection_counts_as_albedo(tmp_path):
     assert error(ours, cycles) < 0.035
 
 
+@pytest.mark.parametrize("name", ["fog", "fog by rays"])
+def test_a_world_absorbs_as_in_cycles(name, tmp_path):
+    """Without the medium the floor would be half as bright again in red, and several times as bright in blue."""
+    ours, cycles = bake_both(name, 512, tmp_path)
+    mean = cycles.mean(axis=(0, 1))
+    assert mean[2] < 0.6 * mean[0]
+    assert error(ours, cycles) < 0.02
+
+
 @pytest.mark.slow
 def test_normals_that_lean_over_are_used_as_in_cycles(tmp_path):
     """Which leaves out what they see of the floor that they stand on: `test_closed_forms.py` has how much that is."""

@@ -2,6 +2,7 @@
 //! The direct sum, near patches and rays.
 
 use crate::arrays::{Channels, channels, flat, table, triangles, triples, value_error, vector};
+use fmm::medium::Medium;
 use fmm::near_field::{Patches, PointSources, Seen};
 use fmm::rays::{FacingRays, Frame, Oriented};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1};
@@ -19,27 +20,32 @@ pub struct Sources {
     softening: Vec<f64>,
     areas: Vec<f64>,
     points_per_patch: usize,
+    medium: Medium,
 }
 
 #[pymethods]
 impl Sources {
     #[new]
+    #[pyo3(signature = (positions, normals, softening, areas, points_per_patch, absorption=[0.0; 3]))]
     fn new(
         positions: Points,
         normals: Points,
         softening: PyReadonlyArray1<f64>,
         areas: PyReadonlyArray1<f64>,
         points_per_patch: usize,
+        absorption: [f64; 3],
     ) -> PyResult<Self> {
+        let medium = Medium::new(absorption).map_err(value_error)?;
         let (positions, normals) = (triples(&positions, "positions")?, triples(&normals, "normals")?);
         let softening = flat(&softening)?;
         Ok(Sources {
-            sources: fmm::direct::Sources::new(positions, normals, softening).map_err(value_error)?,
+            sources: fmm::direct::Sources::new(positions, normals, softening).map_err(value_error)?.within(medium),
             positions: positions.to_vec(),
             normals: normals.to_vec(),
             softening: softening.to_vec(),
             areas: flat(&areas)?.to_vec(),
             points_per_patch,
+            medium,
         })
     }
 
@@ -53,7 +59,8 @@ impl Sources {
         self.sources.words()
     }
 
-    #[pyo3(signature = (points, normals, strengths, visible=None))]
+    /// Irradiance (M, C) from strengths (N, C), C being 1 or 3; `clear` as if nothing were absorbed.
+    #[pyo3(signature = (points, normals, strengths, visible=None, clear=false))]
     fn irradiance<'py>(
         &self,
         py: Python<'py>,
@@ -61,12 +68,13 @@ impl Sources {
         normals: Points,
         strengths: Points,
         visible: Option<PyReadonlyArray1<u64>>,
+        clear: bool,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
+        let receivers = (triples(&points, "points")?, triples(&normals, "normals")?);
         let bits = visible.as_ref().map(flat).transpose()?;
         match channels(&strengths)? {
-            Channels::One(q) => self.sum(py, points, normals, q, bits),
-            Channels::Three(q) => self.sum(py, points, normals, q, bits),
+            Channels::One(q) => self.sum(py, receivers, q, bits, clear),
+            Channels::Three(q) => self.sum(py, receivers, q, bits, clear),
         }
     }
 }
@@ -75,12 +83,14 @@ impl Sources {
     fn sum<'py, const C: usize>(
         &self,
         py: Python<'py>,
-        points: &[[f64; 3]],
-        normals: &[[f64; 3]],
+        (points, normals): (&[[f64; 3]], &[[f64; 3]]),
         strengths: &[[f64; C]],
         visible: Option<&[u64]>,
+        clear: bool,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        table(py, py.detach(|| self.sources.irradiance(points, normals, strengths, visible)).map_err(value_error)?)
+        let cleared = (clear && !self.medium.is_clear()).then(|| self.sources.clone().within(Medium::default()));
+        let sources = cleared.as_ref().unwrap_or(&self.sources);
+        table(py, py.detach(|| sources.irradiance(points, normals, strengths, visible)).map_err(value_error)?)
     }
 
     fn oriented(&self) -> Oriented<'_> {
@@ -164,6 +174,7 @@ impl Correction {
             softening: &sources.softening,
             points_per_patch: sources.points_per_patch,
             areas: &sources.areas,
+            medium: sources.medium,
         };
         let build = || fmm::near_field::Correction::new(&near.near, points, normals, &of, fractions, seen);
         Ok(Correction { correction: py.detach(build).map_err(value_error)? })
@@ -173,12 +184,20 @@ impl Correction {
         self.correction.len()
     }
 
-    /// Adds the correction for strengths (N, C) to irradiance (M, C) in place, C being 1 or 3.
-    fn add(&self, py: Python, strengths: Points, mut irradiance: numpy::PyReadwriteArray2<f64>) -> PyResult<()> {
+    /// Adds the correction for strengths (N, C) to irradiance (M, C) in place, C being 1 or 3; `clear` as if nothing were
+    /// absorbed.
+    #[pyo3(signature = (strengths, irradiance, clear=false))]
+    fn add(
+        &self,
+        py: Python,
+        strengths: Points,
+        mut irradiance: numpy::PyReadwriteArray2<f64>,
+        clear: bool,
+    ) -> PyResult<()> {
         let out = irradiance.as_slice_mut().map_err(value_error)?;
         let added = match channels(&strengths)? {
-            Channels::One(q) => py.detach(|| self.correction.add(q, out.as_chunks_mut().0)),
-            Channels::Three(q) => py.detach(|| self.correction.add(q, out.as_chunks_mut().0)),
+            Channels::One(q) => py.detach(|| self.correction.add(q, clear, out.as_chunks_mut().0)),
+            Channels::Three(q) => py.detach(|| self.correction.add(q, clear, out.as_chunks_mut().0)),
         };
         added.map_err(value_error)
     }

@@ -9,6 +9,7 @@ use ::fmm::driver_visibility::Occluded;
 use ::fmm::expansion::{Compressed, Expansion, Paper, Whole};
 use ::fmm::gather::Met;
 use ::fmm::lists::ListsOptions;
+use ::fmm::medium::Medium;
 use ::fmm::near_field::Patches;
 use ::fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
 use ::fmm::rays::Frame;
@@ -43,7 +44,7 @@ impl Fmm {
     #[new]
     #[pyo3(signature = (
         sources, softening, targets, truncation, grouping, level, separation, expansion, share=1.0, emitters=None,
-        scene=None
+        scene=None, absorption=[0.0; 3]
     ))]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -59,7 +60,9 @@ impl Fmm {
         share: f64,
         emitters: Option<PyReadonlyArray1<bool>>,
         scene: Option<PyReadonlyArray3<f64>>,
+        absorption: [f64; 3],
     ) -> PyResult<Self> {
+        let medium = Medium::new(absorption).map_err(value_error)?;
         let grouping = level.map_or(Grouping::Adaptive { points: grouping }, |level| Grouping::Uniform { level });
         let options = OctreeOptions { grouping, by_normal: true };
         let (y, n_y) = (triples(&sources.0, "source points")?, triples(&sources.1, "source normals")?);
@@ -85,20 +88,23 @@ impl Fmm {
                 direct_points: (share * driver::direct_points(expansion.multipole_len()) as f64) as usize,
                 direct_pairs: (share * share * driver::direct_pairs(expansion.multipole_len()) as f64) as usize,
             };
-            driver::Fmm::among(expansion, target_tree, source_tree, softening, lists, among)
+            driver::Fmm::among(expansion, target_tree, source_tree, softening, lists, (among, medium))
         };
         Ok(Fmm { driver: py.detach(build).map_err(value_error)? })
     }
 
-    /// Irradiance (M, C) at the targets from strengths (N, C), C being 1 or 3, and the seconds of each pass.
-    fn apply<'py>(&self, py: Python<'py>, strengths: Points) -> PyResult<Timed<'py>> {
+    /// Irradiance (M, C) at the targets from strengths (N, C), C being 1 or 3, and the seconds of each pass; `clear` as if
+    /// nothing were absorbed.
+    #[pyo3(signature = (strengths, clear=false))]
+    fn apply<'py>(&self, py: Python<'py>, strengths: Points, clear: bool) -> PyResult<Timed<'py>> {
+        let medium = if clear { Medium::default() } else { self.driver.medium() };
         match channels(&strengths)? {
             Channels::One(q) => {
-                let (irradiance, seconds) = py.detach(|| self.driver.apply_timed(q)).map_err(value_error)?;
+                let (irradiance, seconds) = py.detach(|| self.driver.apply_within(q, medium)).map_err(value_error)?;
                 Ok((table(py, irradiance)?, seconds))
             }
             Channels::Three(q) => {
-                let (irradiance, seconds) = py.detach(|| self.driver.apply_timed(q)).map_err(value_error)?;
+                let (irradiance, seconds) = py.detach(|| self.driver.apply_within(q, medium)).map_err(value_error)?;
                 Ok((table(py, irradiance)?, seconds))
             }
         }

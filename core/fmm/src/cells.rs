@@ -8,6 +8,7 @@ use crate::error::{Error, same_length};
 use crate::facing::{Facing, FacingTest};
 use crate::links::Weights;
 use crate::lists::{Lists, ListsOptions};
+use crate::medium::Medium;
 use crate::octree::Octree;
 use crate::rays::Frame;
 use crate::shaft::Blockers;
@@ -82,6 +83,7 @@ impl Cells {
             coarse: Vec::new(),
             margin: Vec::new(),
             blockers: Blockers::default(),
+            medium: Medium::default(),
             ends: [Vec::new(), Vec::new()],
             targets,
             sources,

@@ -2,6 +2,9 @@
 //! The direct sum over all sources: H(x) = sum over y of K(x, y) q(y), with q = weight * radiosity.
 
 use crate::error::{Error, same_length};
+use crate::kernel;
+use crate::medium::Medium;
+use crate::vector::{norm, sub};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -26,6 +29,7 @@ pub struct Sources {
     y: Columns<3>,
     n_y: Columns<3>,
     softening: Vec<f64>,
+    medium: Medium,
 }
 
 /// Components, padded.
@@ -68,7 +72,13 @@ impl Sources {
             softening: padded(&groups, 1.0, |j| softening[j]),
             groups,
             parts,
+            medium: Medium::default(),
         })
+    }
+
+    /// The same sources in a medium.
+    pub fn within(self, medium: Medium) -> Self {
+        Self { medium, ..self }
     }
 
     /// Strengths (N, C) in their padded places.
@@ -154,6 +164,9 @@ impl Sources {
         visible: Option<&[u64]>,
         irradiance: &mut [[f64; C]],
     ) {
+        if !self.medium.is_clear() {
+            return self.add_absorbed(points, normals, parts, strengths, visible, irradiance);
+        }
         let (arch, words) = (Arch::new(), self.words());
         for (group, out) in irradiance.chunks_mut(ROWS).enumerate() {
             // A short last group repeats its last receiver, whose sum is then not taken.
@@ -168,6 +181,33 @@ impl Sources {
             });
             for (out, sum) in out.iter_mut().zip(sums) {
                 out.iter_mut().zip(sum).for_each(|(out, sum)| *out += sum);
+            }
+        }
+    }
+
+    /// As `add_parts`, through a medium.
+    fn add_absorbed<const C: usize>(
+        &self,
+        points: &[[f64; 3]],
+        normals: &[[f64; 3]],
+        parts: &[Range<usize>],
+        strengths: &Strengths<C>,
+        visible: Option<&[u64]>,
+        irradiance: &mut [[f64; C]],
+    ) {
+        let words = self.words();
+        for (row, out) in irradiance.iter_mut().enumerate() {
+            let bits = visible.map(|bits| &bits[row * words..(row + 1) * words]);
+            for j in parts.iter().cloned().flatten() {
+                if bits.is_some_and(|bits| byte(bits, j / LANES) >> (j % LANES) & 1 == 0) {
+                    continue;
+                }
+                let (y, n_y) = (self.y.each_ref().map(|y| y[j]), self.n_y.each_ref().map(|n| n[j]));
+                let k = kernel(points[row], normals[row], y, n_y, self.softening[j]);
+                if k > 0.0 {
+                    let left = self.medium.left::<C>(norm(sub(points[row], y)));
+                    (0..C).for_each(|c| out[c] += k * left[c] * strengths.0[c][j]);
+                }
             }
         }
     }
@@ -296,13 +336,31 @@ mod tests {
             let seen = direct.irradiance(&x, &n_x, &q, Some(&row.repeat(x.len()))).unwrap();
             for i in 0..x.len() {
                 for colour in 0..3 {
-                    let term = |j: usize| crate::kernel(x[i], n_x[i], y[j], n_y[j], softening[j]) * q[j][colour];
+                    let term = |j: usize| kernel(x[i], n_x[i], y[j], n_y[j], softening[j]) * q[j][colour];
                     let whole: f64 = (0..y.len()).map(term).sum();
                     let part: f64 = (0..y.len()).filter(|&j| sources[j].3).map(term).sum();
                     prop_assert!((all[i][colour] - whole).abs() <= 1e-12 * whole.abs().max(1e-12));
                     prop_assert!((seen[i][colour] - part).abs() <= 1e-12 * whole.abs().max(1e-12));
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_medium_takes_its_share_of_each_pair() {
+        let (x, n_x) = ([0.1, 0.2, 0.0], [0.0, 0.0, 1.0]);
+        let y: Vec<[f64; 3]> = (0..20).map(|i| [0.1 * i as f64, 0.3, 1.0 + 0.05 * i as f64]).collect();
+        let (n_y, softening, q) = (vec![[0.0, 0.0, -1.0]; 20], vec![1e-9; 20], vec![[1.0, 2.0, 3.0]; 20]);
+        let medium = Medium::new([0.0, 0.7, 3.0]).unwrap();
+        let direct = Sources::new(&y, &n_y, &softening).unwrap().within(medium);
+        let found = direct.irradiance(&[x], &[n_x], &q, Some(&[0b1011])).unwrap()[0];
+        for c in 0..3 {
+            let term = |j: usize| {
+                let left: [f64; 3] = medium.left(norm(sub(x, y[j])));
+                kernel(x, n_x, y[j], n_y[j], 1e-9) * q[j][c] * left[c]
+            };
+            let exact = term(0) + term(1) + term(3);
+            assert!((found[c] - exact).abs() < 1e-14 * exact);
         }
     }
 

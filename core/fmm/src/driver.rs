@@ -9,6 +9,7 @@ use crate::expansion::{Expansion, InColours};
 use crate::gather::Gather;
 use crate::links::Links;
 use crate::lists::{Batches, Lists, ListsOptions};
+use crate::medium::Medium;
 use crate::octree::Octree;
 use crate::passes::Passes;
 use crate::shaft::Blockers;
@@ -51,6 +52,7 @@ pub struct Fmm {
     pub(crate) links: Links,
     pub(crate) gather: Gather,
     pub(crate) blockers: Blockers,
+    pub(crate) medium: Medium,
     pub(crate) rounds: Option<Rounds>,
     pub(crate) cells: Option<Cells>,
     /// Of the pairs of cells.
@@ -69,23 +71,23 @@ impl Fmm {
         softening: &[f64],
         options: ListsOptions,
     ) -> Result<Self, Error> {
-        Self::among(expansion, targets, sources, softening, options, &[])
+        Self::among(expansion, targets, sources, softening, options, (&[], Medium::default()))
     }
 
-    /// The same among triangles (T, 3, 3). Where any of them can be between points of the octrees the lists stay empty, for
-    /// [`Fmm::occlude`] to make.
+    /// The same among triangles (T, 3, 3) in a medium. Where any of them can be between points of the octrees, or the medium
+    /// absorbs anything, the lists stay empty, for [`Fmm::occlude`] to make.
     pub fn among(
         expansion: Arc<dyn Expansion>,
         targets: impl Into<Arc<Octree>>,
         sources: impl Into<Arc<Octree>>,
         softening: &[f64],
         options: ListsOptions,
-        triangles: &[[[f64; 3]; 3]],
+        (triangles, medium): (&[[[f64; 3]; 3]], Medium),
     ) -> Result<Self, Error> {
         let (targets, sources) = (targets.into(), sources.into());
         same_length("source softening", sources.n_points(), softening.len())?;
         let blockers = Blockers::new(triangles, [&targets, &sources]);
-        let lists = if blockers.is_empty() {
+        let lists = if blockers.is_empty() && medium.is_clear() {
             Lists::new(&targets, &sources, options)?
         } else {
             Lists::empty(&targets, options)
@@ -107,6 +109,7 @@ impl Fmm {
             links: Links::default(),
             gather: Gather::default(),
             blockers,
+            medium,
             rounds: None,
             cells: None,
             outcomes: None,
@@ -126,6 +129,18 @@ impl Fmm {
     where
         dyn Expansion: InColours<C>,
     {
+        self.apply_within(strengths, self.medium)
+    }
+
+    /// The same with another medium: what the visible lists leave to rays is not told by whether light is absorbed.
+    pub fn apply_within<const C: usize>(
+        &self,
+        strengths: &[[f64; C]],
+        medium: Medium,
+    ) -> Result<(Vec<[f64; C]>, Seconds), Error>
+    where
+        dyn Expansion: InColours<C>,
+    {
         same_length("strengths", self.sources.n_points(), strengths.len())?;
         let passes = Passes {
             expansion: self.expansion.as_ref(),
@@ -137,6 +152,7 @@ impl Fmm {
             points: &self.points,
             links: &self.links,
             gather: &self.gather,
+            medium,
         };
         let (irradiance, seconds) = run(&passes, &self.sources.in_tree_order(strengths))?;
         Ok((self.targets.in_scene_order(&irradiance), seconds))
@@ -169,6 +185,11 @@ impl Fmm {
             ("hits", self.gather.count()),
             ("postponed", self.lists.facing_counts.postponed as usize),
         ]
+    }
+
+    /// What fills the space between the points.
+    pub fn medium(&self) -> Medium {
+        self.medium
     }
 
     /// The octree of the receivers.

@@ -78,6 +78,7 @@ impl Fmm {
             coarse: largest(scene.coarse),
             margin: largest(scene.radii),
             blockers: std::mem::take(&mut self.blockers),
+            medium: self.medium,
             ends: [ends(&self.targets), ends(&self.sources)],
         };
         let mut visibility = Visibility::generate(&view, options);
@@ -151,7 +152,7 @@ impl Fmm {
     /// Takes what the rays of [`Fmm::gather_rays`] met.
     pub fn take_hits(&self, surface: &Surface, leaves: Range<usize>, met: &Met) -> Result<(), Error> {
         let leaves = leaves.start..leaves.end.min(self.gather.leaves.len());
-        self.gather.take((&self.targets, &self.sources), surface, leaves, met)
+        self.gather.take((&self.targets, &self.sources), self.medium, surface, leaves, met)
     }
 
     /// Which sources of near patches the sum has; `near` is of the targets of this sum, in scene order.

@@ -23,6 +23,8 @@ pub enum Error {
     Memory {
         bytes: usize,
     },
+    /// A medium that gives light, or none that is a number.
+    Absorption(f64),
     Octree(OctreeError),
     Lists(ListsError),
 }
@@ -33,6 +35,7 @@ impl fmt::Display for Error {
             Error::Length { what, expected, found } => write!(f, "{what}: expected {expected} rows, found {found}"),
             Error::Index { what, index, count } => write!(f, "{what}: index {index} is out of range for {count}"),
             Error::Memory { bytes } => write!(f, "no memory for {} MiB of coefficients", bytes >> 20),
+            Error::Absorption(sigma) => write!(f, "absorption {sigma}, expected a number of at least 0"),
             Error::Octree(error) => error.fmt(f),
             Error::Lists(error) => error.fmt(f),
         }

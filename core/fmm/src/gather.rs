@@ -9,6 +9,7 @@
 use crate::blend::{self, Blend};
 use crate::directions::{Cube, Mask, cell, cosine_direction, tangents};
 use crate::error::{Error, same_length};
+use crate::medium::Medium;
 use crate::octree::Octree;
 use crate::rays::Frame;
 use crate::surface::Surface;
@@ -39,12 +40,14 @@ pub struct OpenLeaf {
 }
 
 /// The sources met from each point of a leaf.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Hits {
     /// (points + 1)
     starts: Vec<u32>,
     /// Tree order.
     sources: Vec<u32>,
+    /// How far away each was met; none where the medium is clear.
+    distances: Vec<f32>,
     blend: Blend,
 }
 
@@ -145,10 +148,11 @@ impl Gather {
         rays
     }
 
-    /// Takes what the rays of the same leaves met.
+    /// Takes what the rays of the same leaves met in a medium.
     pub fn take(
         &self,
         trees: (&Octree, &Octree),
+        medium: Medium,
         surface: &Surface,
         leaves: Range<usize>,
         met: &Met,
@@ -161,23 +165,26 @@ impl Gather {
         let (mut ray, mut lengths) = (0, Vec::new());
         for open in &self.leaves[leaves] {
             let points = targets.points_of(open.leaf as usize);
-            let (mut starts, mut hits, mut distances) = (vec![0], Vec::new(), Vec::new());
+            let (mut hits, mut reaches) = (Hits { starts: vec![0], ..Hits::default() }, Vec::new());
             for i in points.clone() {
                 lengths.clear();
                 while ray < met.points.len() && met.points[ray] as usize == i {
-                    hits.extend(met.source(ray, surface, sources).filter(|&j| open.counts(j)));
                     let length = |y| norm(sub(y, targets.positions[i]));
-                    lengths.push(met.place(ray, surface).map_or(f64::INFINITY, length));
+                    let length = met.place(ray, surface).map_or(f64::INFINITY, length);
+                    lengths.push(length);
+                    if let Some(j) = met.source(ray, surface, sources).filter(|&j| open.counts(j)) {
+                        hits.sources.push(j);
+                        hits.distances.extend((!medium.is_clear()).then_some(length as f32));
+                    }
                     ray += 1;
                 }
-                distances.push(blend::distance(&mut lengths));
-                starts.push(hits.len() as u32);
+                reaches.push(blend::distance(&mut lengths));
+                hits.starts.push(hits.sources.len() as u32);
             }
-            let blend = match open.parted {
+            hits.blend = match open.parted {
                 true => Blend::none(points.len()),
-                false => Blend::new(&targets.positions[points.clone()], &targets.normals[points], &distances),
+                false => Blend::new(&targets.positions[points.clone()], &targets.normals[points], &reaches),
             };
-            let hits = Hits { starts, sources: hits, blend };
             // A leaf that was traced before keeps its answers.
             let _ = open.hits.set(hits);
         }
@@ -189,14 +196,24 @@ impl Gather {
         q.iter().zip(&self.weights).map(|(q, w)| q.map(|q| q / w)).collect()
     }
 
-    /// Adds what arrives at the points of a target leaf, from the radiosity of the sources.
-    pub fn add<const C: usize>(&self, leaf: usize, radiosity: &[[f64; C]], irradiance: &mut [[f64; C]]) {
+    /// Adds what arrives at the points of a target leaf through a medium, from the radiosity of the sources.
+    pub fn add<const C: usize>(
+        &self,
+        leaf: usize,
+        radiosity: &[[f64; C]],
+        medium: Medium,
+        irradiance: &mut [[f64; C]],
+    ) {
         let Some(hits) = self.of(leaf).and_then(|open| open.hits.get()) else { return };
         let share = 1.0 / self.density as f64;
         let own = |ends: &[u32]| {
             let mut sum = [0.0; C];
-            for &j in &hits.sources[ends[0] as usize..ends[1] as usize] {
-                sum.iter_mut().zip(radiosity[j as usize]).for_each(|(sum, b)| *sum += b);
+            for ray in ends[0] as usize..ends[1] as usize {
+                let b = radiosity[hits.sources[ray] as usize];
+                // Distances are there where there is a medium.
+                let distance = hits.distances.get(ray).filter(|_| !medium.is_clear());
+                let left = distance.map_or([1.0; C], |&distance| medium.left(f64::from(distance)));
+                (0..C).for_each(|c| sum[c] += left[c] * b[c]);
             }
             sum.map(|sum| share * sum)
         };

@@ -22,6 +22,7 @@ pub mod links;
 pub mod lists;
 mod lists_batches;
 mod lists_traversal;
+pub mod medium;
 pub mod meshes;
 mod mirror;
 pub mod near_field;

@@ -6,6 +6,7 @@
 use crate::direct::Sources;
 use crate::error::{Error, same_length};
 use crate::kernel;
+use crate::medium::Medium;
 use crate::octree::Octree;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -266,12 +267,13 @@ impl Links {
         self.runs.strengths(q)
     }
 
-    /// Adds what arrives at the points of one target leaf, from the strengths of the parts.
+    /// Adds what arrives at the points of one target leaf through a medium, from the strengths of the parts.
     pub fn add<const C: usize>(
         &self,
         targets: &Octree,
         leaf: usize,
         strengths: &[[f64; C]],
+        medium: Medium,
         irradiance: &mut [[f64; C]],
     ) {
         let Some(&place) = self.places.get(&(leaf as u32)) else { return };
@@ -282,6 +284,7 @@ impl Links {
         let (positions, normals) = (vectors(&self.runs.positions), vectors(&self.runs.normals));
         let strengths: Vec<[f64; C]> = parts().map(|part| strengths[part as usize]).collect();
         let Ok(sources) = Sources::new(&positions, &normals, &softening) else { return };
+        let sources = sources.within(medium);
         let points = targets.points_of(leaf);
         let words = links.first_word..links.first_word + points.len() * sources.words();
         let bits: Vec<u64> = self.bits[words].iter().map(|word| word.load(Ordering::Relaxed)).collect();

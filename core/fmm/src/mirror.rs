@@ -8,11 +8,12 @@ use crate::error::{Error, same_length};
 use crate::gather::Gather;
 use crate::links::Links;
 use crate::lists::{Lists, Rows};
+use crate::medium::Medium;
 use crate::passes::Passes;
 
 impl Fmm {
     /// What each source (N,) sends for one unit of strength to points of areas (N,), scene order, in a sum of points over
-    /// themselves.
+    /// themselves, if nothing were absorbed.
     pub fn sent(&self, areas: &[f64]) -> Result<Vec<f64>, Error> {
         let tree = self.sources.as_ref();
         same_length("areas", self.targets.n_points(), areas.len())?;
@@ -31,6 +32,7 @@ impl Fmm {
             points: &points,
             links: &links,
             gather: &gather,
+            medium: Medium::default(),
         };
         let areas: Vec<[f64; 1]> = areas.iter().map(|&area| [area]).collect();
         let areas = tree.in_tree_order(&areas);

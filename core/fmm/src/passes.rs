@@ -7,6 +7,7 @@ use crate::expansion::{Expansion, InColours};
 use crate::gather::Gather;
 use crate::links::Links;
 use crate::lists::{Batch, Batches, Lists, Rows};
+use crate::medium::Medium;
 use crate::octree::Octree;
 use crate::translations::Translations;
 use rayon::prelude::*;
@@ -26,6 +27,7 @@ pub struct Passes<'a, const C: usize> {
     pub points: &'a Sources,
     pub links: &'a Links,
     pub gather: &'a Gather,
+    pub medium: Medium,
 }
 
 type Colours<const C: usize> = [[f64; C]];
@@ -199,7 +201,7 @@ where
             return;
         }
         let strengths = self.links.strengths(q);
-        self.each_leaf(irradiance, |b, out| self.links.add(self.targets, b, &strengths, out));
+        self.each_leaf(irradiance, |b, out| self.links.add(self.targets, b, &strengths, self.medium, out));
     }
 
     /// Sources of other boxes that are seen in part, as rays over the hemispheres have met them (section 5).
@@ -208,7 +210,7 @@ where
             return;
         }
         let radiosity = self.gather.radiosity(q);
-        self.each_leaf(irradiance, |b, out| self.gather.add(b, &radiosity, out));
+        self.each_leaf(irradiance, |b, out| self.gather.add(b, &radiosity, self.medium, out));
     }
 
     /// Work on every leaf of the targets together with its part of the irradiance.

@@ -9,6 +9,7 @@
 use crate::facing::{Facing, FacingTest};
 use crate::links::{Links, Run, Weights};
 use crate::lists::{ListsOptions, cells_between};
+use crate::medium::Medium;
 use crate::octree::Octree;
 use crate::octree_build::EMITTERS;
 use crate::rays::{Frame, facing};
@@ -103,6 +104,7 @@ pub struct View {
     /// (B,): how far the surface that points of a source box stand for goes beyond them.
     pub margin: Vec<f64>,
     pub blockers: Blockers,
+    pub medium: Medium,
     /// The boxes of the targets and of the sources as ends of shafts.
     pub ends: [Vec<End>; 2],
 }
@@ -229,7 +231,8 @@ impl Visibility {
 
 impl View {
     fn is_clear(&self, t: usize, s: usize) -> bool {
-        !self.is_coarse(t, s) && self.blockers.are_clear(&self.ends[0][t], &self.ends[1][s])
+        // Expansions know no medium: what goes through one is found by rays.
+        self.medium.is_clear() && !self.is_coarse(t, s) && self.blockers.are_clear(&self.ends[0][t], &self.ends[1][s])
     }
 
     /// Whether points of a source box stand for too much surface to be summed at a target box.

@@ -21,45 +21,50 @@ ON_PLANE = 5e-7
 _SPREAD = np.random.default_rng(0).random(4)
 
 
-def nothing_between(triangles: Points, points: Points, lamp: Points, radius: float) -> bool:
+def nothing_between(triangles: Points, size: float, points: Points, lamp: Points, radius: float) -> bool:
     """Whether no triangle (T, 3, 3) can be between points (M, 3) and a lamp: for none is the plane between them.
 
+    size: the longest side of the box around the triangles.
     lamp (K, 4) homogeneous points, the lamp being within `radius` of their convex hull; the last number is 1, or 0 for
     a direction, of which `radius` is the sine of the angle about it.
     """
     if len(triangles) == 0:
         return True
-    planes, size = _planes(triangles), float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
+    planes = _planes(triangles)
     return _on_one_side(planes, points[:: max(1, len(points) // FEW)], lamp, radius, ON_PLANE * size) and _on_one_side(
         _different(planes, size), points, lamp, radius, ON_PLANE * size
     )
 
 
-def some_stand_between(triangles: Points) -> bool:
-    """Whether a triangle (T, 3, 3) may be between two others: its plane has corners on both sides."""
+def some_stand_between(triangles: Points, size: float) -> bool:
+    """Whether a triangle (T, 3, 3) may be between two others: its plane has corners on both sides. size as above."""
     return _some(
-        triangles, np.arange(len(triangles)), lambda lowest, highest, margin: (lowest < -margin) & (highest > margin)
+        triangles,
+        size,
+        np.arange(len(triangles)),
+        lambda lowest, highest, margin: (lowest < -margin) & (highest > margin),
     )
 
 
-def some_face(triangles: Points, two_sided: NDArray[np.bool_]) -> bool:
+def some_face(triangles: Points, size: float, two_sided: NDArray[np.bool_]) -> bool:
     """Whether a triangle (T, 3, 3) may face another: a corner lies before it, or off its plane if it has two sides."""
-    if _some(triangles, np.arange(len(triangles)), lambda _, highest, margin: highest > margin):
+    if _some(triangles, size, np.arange(len(triangles)), lambda _, highest, margin: highest > margin):
         return True
-    return _some(triangles, np.flatnonzero(two_sided), lambda lowest, _, margin: lowest < -margin)
+    return _some(triangles, size, np.flatnonzero(two_sided), lambda lowest, _, margin: lowest < -margin)
 
 
-def _some(triangles: Points, rows: NDArray[np.int64], test: Callable[[Points, Points, float], Points]) -> bool:
+def _some(
+    triangles: Points, size: float, rows: NDArray[np.int64], test: Callable[[Points, Points, float], Points]
+) -> bool:
     """Whether a test holds for the lowest and the highest corner above some plane of these rows; True if too many."""
     if len(rows) == 0:
         return False
-    corners = triangles.reshape(-1, 3)
-    margin = ON_PLANE * float(np.ptp(corners, axis=0).max())
+    corners, margin = triangles.reshape(-1, 3), ON_PLANE * size
     # Most scenes are known by a few planes and corners.
     some, few = rows[:: max(1, len(rows) // SOME)], corners[:: max(1, len(corners) // SOME)]
     if test(*_heights(_planes(triangles[some]), few), margin).any():
         return True
-    planes = _different(_planes(triangles[rows]), float(np.ptp(corners, axis=0).max()))
+    planes = _different(_planes(triangles[rows]), size)
     if len(planes) * len(corners) > MOST:
         return True
     block = max(1, BLOCK // len(corners))
@@ -91,8 +96,9 @@ def _on_one_side(planes: Points, points: Points, lamp: Points, radius: float, ma
 def _planes(triangles: Points) -> Points:
     """(T, 4) unit normal and minus the distance from the origin along it."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.column_stack([normals, -(normals * triangles[:, 0]).sum(axis=1)])
+    # Sums over three are slow in numpy but for this one.
+    normals /= np.sqrt(np.einsum("tx,tx->t", normals, normals))[:, None]
+    return np.column_stack([normals, -np.einsum("tx,tx->t", normals, triangles[:, 0])])
 
 
 def _different(planes: Points, size: float) -> Points:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What lamps and the sky send to receivers straight away: closed forms, times what shadow rays say."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from . import patterns
 from .convexity import nothing_between
 from .lights import Light, Samples, SunLight
+from .medium import left
 from .particles import Particles
 from .progress import Tick, silent
+from .scene import Scene
 from .sky import Bright, Sky
 from .visibility import BATCH, Occlusion
 
@@ -26,6 +28,8 @@ CUTS = 4
 SKY_SHARE = 2
 #: Rays to the bright parts of a sky.
 BRIGHT_RAYS = 64
+#: Ways from a lamp that tell how much of its light a medium leaves.
+WAYS = 16
 #: Steps in which the share of a sky ray that arrives is kept.
 STEPS = 255
 #: What is going on, for whoever waits.
@@ -60,8 +64,9 @@ class Receivers:
         points, normals = (np.array_equal(getattr(self, name), getattr(other, name)) for name in ("points", "normals"))
         return points and normals and self._rays == other._rays
 
-    def irradiance(self, lights: Sequence[Light], sky: Sky | None, tick: Tick = silent) -> Points:
-        """(M, 3) W/m^2 from all of these."""
+    def irradiance(self, scene: Scene, tick: Tick = silent) -> Points:
+        """(M, 3) W/m^2 from the lamps and the sky of a scene, through its medium."""
+        lights, sky = scene.lights, scene.sky
         found, parts = np.zeros_like(self.points), len(lights) + 1
 
         def part(number: int) -> Tick:
@@ -69,7 +74,7 @@ class Receivers:
 
         for number, light in enumerate(lights):
             if light.colour.any():
-                found += self._from_lamp(light, part(number))[:, None] * light.colour
+                found += self._from_lamp(light, part(number))[:, None] * self._left(light, scene.medium) * light.colour
         if sky is not None:
             found += self._from_sky(sky, part(len(lights)))
         wanted = {light.geometry for light in lights}
@@ -84,6 +89,25 @@ class Receivers:
             unshadowed[rows] *= self._seen(light, rows, tick)
             self._lamps[light.geometry] = unshadowed.astype(np.float32)
         return self._lamps[light.geometry]
+
+    def _left(self, light: Light, medium: Points) -> Points | float:
+        """(M, 3) shares that a medium leaves of a lamp's light."""
+        if not medium.any():
+            return 1.0
+        found = np.ones_like(self.points)
+
+        def block(rows: slice) -> int:
+            shifts = patterns.shifts(np.arange(rows.start, rows.stop))
+            pattern = shifts[:, None] if light.is_small else lamp_pattern(light, shifts, WAYS)
+            samples = light.samples(self.points[rows], self.normals[rows], pattern)
+            weights = samples.weights * samples.cones
+            total = weights.sum(axis=1, keepdims=True)
+            mean = np.einsum("mk,mkc->mc", weights, left(medium, samples.distances))
+            found[rows] = np.where(total > 0, mean / np.where(total > 0, total, 1.0), 1.0)
+            return 0
+
+        self._run(block, len(self.points), WAYS, silent)
+        return found
 
     def _unshadowed(self, light: Light) -> Points:
         """(M,) irradiance for a power of 1 with nothing in the way."""
@@ -107,7 +131,8 @@ class Receivers:
         seen, through = np.ones(len(rows)), np.ones(len(rows))
         shadows = light.shadows and self._occlusion is not None and len(rows) > 0
         if shadows:
-            shadows = not nothing_between(self._occlusion.shading.triangles, self.points[rows], *light.extent)
+            standing = self._occlusion.shading.triangles, self._occlusion.size
+            shadows = not nothing_between(*standing, self.points[rows], *light.extent)
         partly, again = np.zeros((2, len(rows)), bool)
 
         def first(block: slice) -> int:

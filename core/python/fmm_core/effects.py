@@ -25,17 +25,19 @@ def plan(scene: Scene, settings: Settings) -> dict[str, Effect]:
 
     Where the settings force one, its reason says so; what the scene does not have at all cannot be forced on.
     """
-    decisions = (_occlusion, _interreflection, _colour, _lamps, _sky, _transparency, _two_sided, _glossy)
+    decisions = (_occlusion, _interreflection, _colour, _lamps, _sky, _transparency, _two_sided, _glossy, _medium)
     # The paper's own algorithm asks rays in any scene.
     forced = {"occlusion": True} if settings.visibility == "cells" else {}
     forced |= settings.effects
+    inside = _within(scene, forced.get("medium") is not False)
     named = zip(EFFECTS, decisions, strict=True)
-    return {name: _forced(decide(scene), forced.get(name)) for name, decide in named}
+    return {name: _forced(decide(scene if name == "medium" else inside), forced.get(name)) for name, decide in named}
 
 
 def planned(scene: Scene, effects: dict[str, Effect]) -> Scene:
     """The scene without what is not simulated."""
-    left, unused = copy.copy(scene), {name for name, effect in effects.items() if not effect.used}
+    unused = {name for name, effect in effects.items() if not effect.used}
+    left = _within(scene, "medium" not in unused)
     if "interreflection" in unused:
         left.albedo = np.zeros_like(scene.albedo)
     if "lamps" in unused:
@@ -53,6 +55,15 @@ def planned(scene: Scene, effects: dict[str, Effect]) -> Scene:
     return left
 
 
+def _within(scene: Scene, medium: bool) -> Scene:
+    """The scene with what its medium lets in, or without it."""
+    if medium:
+        return scene.within_medium()
+    left = copy.copy(scene)
+    left.medium = np.zeros(3)
+    return left
+
+
 def _forced(effect: Effect, wanted: bool | None) -> Effect:
     if wanted is None or effect.used == wanted or effect.why.startswith("no "):
         return effect
@@ -61,12 +72,12 @@ def _forced(effect: Effect, wanted: bool | None) -> Effect:
 
 def _occlusion(scene: Scene) -> Effect:
     corners = scene.triangles.reshape(-1, 3)
-    if some_stand_between(scene.triangles):
+    if some_stand_between(scene.triangles, scene.size):
         return Effect(True, "a surface can stand between two others")
     for light in scene.lights:
-        if light.shadows and not nothing_between(scene.shading.triangles, corners, *light.extent):
+        if light.shadows and not nothing_between(scene.shading.triangles, scene.size, corners, *light.extent):
             return Effect(True, "a surface can stand between a lamp and another one")
-    if scene.sky is not None and (scene.shade is not None or some_face(scene.triangles, scene.two_sided)):
+    if scene.sky is not None and (scene.shade is not None or some_face(scene.triangles, scene.size, scene.two_sided)):
         return Effect(True, "surfaces hide parts of the sky from each other")
     return Effect(False, "nothing can be in the way: no surface has others on both sides of its plane")
 
@@ -74,7 +85,7 @@ def _occlusion(scene: Scene) -> Effect:
 def _interreflection(scene: Scene) -> Effect:
     if not scene.albedo.any():
         return Effect(False, "no surface reflects anything: all are black")
-    if not some_face(scene.triangles, scene.two_sided):
+    if not some_face(scene.triangles, scene.size, scene.two_sided):
         return Effect(False, "no surface faces another one")
     return Effect(True, f"surfaces reflect up to {scene.albedo.max():.0%} of the light")
 
@@ -118,3 +129,9 @@ def _glossy(scene: Scene) -> Effect:
     if not scene.glossy:
         return Effect(False, "no gloss is to be seen by an eye")
     return Effect(True, f"{scene.glossy} places shine towards an eye")
+
+
+def _medium(scene: Scene) -> Effect:
+    if not scene.medium.any():
+        return Effect(False, "no medium absorbs light")
+    return Effect(True, f"a medium takes half of the light on {np.log(2) / scene.medium.max():.3g} m")

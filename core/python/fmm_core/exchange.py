@@ -60,13 +60,13 @@ class Exchange:
         """Irradiance (N, 3) of the particles for their radiosity (N, C), lamps and sky, W/m^2."""
         if self.operator is None:
             self._make(report, None)
-        return np.maximum(self.operator.apply(radiosity), 0.0) + self._lit.irradiance(scene.lights, scene.sky)
+        return np.maximum(self.operator.apply(radiosity), 0.0) + self._lit.irradiance(scene)
 
     def direct(self, scene: Scene, tick: Tick = silent) -> NDArray[np.float64]:
         """Irradiance (N, 3) of the particles from lamps and sky, as far as they reflect it."""
         if not scene.albedo.any():
             return np.zeros((len(self.space.sums.particles), 3))
-        return self._lit.irradiance(scene.lights, scene.sky, tick)
+        return self._lit.irradiance(scene, tick)
 
     def _make(self, report: Report, progress: Progress | None) -> None:
         space, tick = self.space, ticker(progress, 0.0, 0.7, "Preparing the exchange")

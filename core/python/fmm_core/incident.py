@@ -10,6 +10,7 @@ from . import patterns
 from .direct_light import lamp_pattern
 from .emitters import Emitters
 from .lights import Light
+from .medium import left
 from .progress import Tick, silent
 from .scene import Scene
 from .transport import Sums
@@ -92,12 +93,13 @@ class Incident:
         density = rays * at.response.density(at.rows, directions, rays)
         own = density[row, k]
         hit, radiance = met.particles >= 0, np.zeros((len(row), 3))
-        radiance[hit] = self._radiosity[met.particles[hit]] / np.pi / own[hit, None]
+        passed = left(self._scene.medium, np.linalg.norm(met.positions - at.points[row], axis=1))
+        radiance[hit] = passed[hit] * self._radiosity[met.particles[hit]] / np.pi / own[hit, None]
         lit = np.flatnonzero(self._emitters.density[met.particles] > 0)
         if len(lit):
             other = self._aim_density(at.points[row[lit]], chosen[lit], _of(met, lit), rays)
             emission = self._scene.emission[self._particles.triangle[met.particles[lit]]] / np.pi
-            radiance[lit] -= emission * (other / (own[lit] * (own[lit] + other)))[:, None]
+            radiance[lit] -= passed[lit] * emission * (other / (own[lit] * (own[lit] + other)))[:, None]
         if self._scene.sky is not None:
             through = (met.triangles < 0).astype(float)
             if self._scene.shade is not None:
@@ -136,7 +138,8 @@ class Incident:
         aim = count * self._emitters.density[chosen[row, k]] * distances[row, k] ** 2 / leaving[row, k]
         total = aim + rays * at.response.density(at.rows, directions, rays)[row, k]
         flux = np.zeros(directions.shape)
-        flux[row, k] = (seen / total)[:, None] * self._scene.emission[triangles] / np.pi
+        passed = left(self._scene.medium, distances[row, k])
+        flux[row, k] = (seen / total)[:, None] * passed * self._scene.emission[triangles] / np.pi
         at.add(directions, flux, found)
         return len(row)
 
@@ -161,7 +164,8 @@ class Incident:
         share = irradiance / np.where(total > 0, total, 1.0)
         flux = np.zeros(samples.directions.shape)
         arriving = through * (samples.weights * samples.cones)[row, k] / cosines[row, k] * share[row]
-        flux[row, k] = arriving[:, None] * light.colour
+        passed = left(self._scene.medium, samples.distances[row, k])
+        flux[row, k] = arriving[:, None] * passed * light.colour
         at.add(samples.directions, flux, found)
         return len(row) if light.shadows else 0
 

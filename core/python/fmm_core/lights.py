@@ -45,6 +45,11 @@ class _Lamp:
         """(3,) the field that is called `power`."""
         return np.array(getattr(self, self.power))
 
+    @property
+    def is_far(self) -> bool:
+        """Whether its light comes from infinitely far away."""
+        return isinstance(self, SunLight)
+
     def with_colour(self, colour: Points) -> "_Lamp":
         """The same lamp with other power (3,)."""
         return replace(self, **{self.power: tuple(colour)})

@@ -68,7 +68,7 @@ class MultipoleSpace:
         def mirrored(areas: NDArray[np.float64]) -> NDArray[np.float64]:
             return fmm.sent(areas[:, 0])[:, None]
 
-        operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction, mirrored)
+        operator = Operator(self.sums.particles, lambda q, clear: fmm.apply(q, clear)[0], correction, mirrored)
         if self.sums.keeps_energy:
             self._closed, shares = self._seen()
             self._lit = operator.balanced(self._closed, shares, len(self.sums.particles) <= SINGLE)
@@ -93,7 +93,7 @@ class MultipoleSpace:
         rays = max(LEAST_RAYS, effort * self.settings.rays)
         if self._gathered is None or not _same(self._gathered, points, normals, rays):
             fmm, correction = self._fmm((points, normals), points, normals, rays, tick)
-            operator = Operator(self.sums.particles, lambda q: fmm.apply(q)[0], correction)
+            operator = Operator(self.sums.particles, lambda q, clear: fmm.apply(q, clear)[0], correction)
             if self.sums.keeps_energy:
                 operator.received_balanced(self._closed, self._lit)
             self._gathered = points.copy(), normals.copy(), rays, operator
@@ -118,6 +118,7 @@ class MultipoleSpace:
             settings.expansion_in_use,
             emitters=particles.emits,
             scene=occlusion.triangles if occlusion and self.settings.visibility == "rays" else None,
+            absorption=self.sums.absorption,
         )
         tick(0.1)
         start = time.perf_counter()
@@ -134,7 +135,7 @@ class MultipoleSpace:
         if occlusion is not None and self.settings.visibility == "cells":
             occlusion.find_cells(fmm, tick)
             return True
-        if fmm.n_blockers() == 0:
+        if fmm.n_blockers() == 0 and not self.sums.absorbs:
             return False
         tick(0.2)
         weights, radii = particles.visibility_weights, particles.of_points(particles.radii)

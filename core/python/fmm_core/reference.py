@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .emitters import Emitters
+from .medium import left
 from .particles import NO_PATCH, Particles
 from .patterns import GOLDEN
 from .scene import Scene
@@ -125,11 +126,13 @@ class Reference:
         scene, particles = self._scene, self._particles
         met = self._occlusion.met(points, normals, directions, self._surface)
         received = np.where(met.particles[:, None] >= 0, radiosity[met.particles], 0.0)
+        passed = left(scene.medium, np.linalg.norm(met.positions - points, axis=1))
+        received *= np.tile(passed, radiosity.shape[1] // 3)
         if len(self._emitters) == 0:
             return received, met, len(points)
         lit = np.flatnonzero(self._emitters.density[met.particles] > 0)
         share = self._share(points[lit], normals[lit], met.positions[lit], met.normals[lit], met.particles[lit])
-        received[lit, :3] -= (1 - share)[:, None] * scene.emission[particles.triangle[met.particles[lit]]]
+        received[lit, :3] -= (1 - share)[:, None] * passed[lit] * scene.emission[particles.triangle[met.particles[lit]]]
 
         number = np.minimum(np.searchsorted(self._emitters.cumulative, at), len(self._emitters) - 1)
         patch = self._emitters.patches[number]
@@ -140,7 +143,8 @@ class Reference:
         triangles = particles.triangle[chosen[seen]]
         if scene.opacity is not None:
             share[seen] *= scene.opacity.mean[triangles]
-        received[seen, :3] += share[seen, None] * scene.emission[triangles]
+        passed = left(scene.medium, np.linalg.norm(ends[seen] - points[seen], axis=1))
+        received[seen, :3] += share[seen, None] * passed * scene.emission[triangles]
         return received, met, len(points) + len(asked)
 
     def _share(

@@ -45,6 +45,8 @@ class Scene:
     glossy      how many places an eye is to see the gloss of, by `Solution.radiance`
     shade       as opacity: the share of the light of lamps and sky that a triangle stops, where that is not its
                 opacity, which then is for light of surfaces alone; afterwards a `Shade`, or None where none is given
+    medium      (3,) or a constant, 1/m: how much of each colour is absorbed by what fills all space between the
+                surfaces; it lets nothing through that comes from infinitely far away
     warnings    what was changed or left out, one line each
     origin      (3,) where the coordinates of the triangles count from, 0 as given
 
@@ -65,6 +67,7 @@ class Scene:
         sky: Sky | None = None,
         glossy: int = 0,
         shade: ArrayLike | Opacity | None = None,
+        medium: ArrayLike = 0.0,
     ) -> None:
         corners = numbers("triangles", triangles)
         if corners.ndim != 3 or corners.shape[1:] != (3, 3):
@@ -97,6 +100,7 @@ class Scene:
         self.origin = np.zeros(3)
         self.lights, self.sky = checked_lights(lights), _checked_sky(sky)
         self.glossy = glossy
+        self.medium = _absorption(medium)
         self._check_lit()
 
     @property
@@ -107,7 +111,7 @@ class Scene:
     @property
     def is_grey(self) -> bool:
         """Whether all light and all surfaces have the same value in each colour."""
-        colours = [self.albedo, self.emission, *(light.colour for light in self.lights)]
+        colours = [self.albedo, self.emission, self.medium, *(light.colour for light in self.lights)]
         colours += [] if self.sky is None else [self.sky.radiance]
         return all((values == values[..., :1]).all() for values in colours)
 
@@ -117,6 +121,17 @@ class Scene:
         scene.albedo, scene.emission = _frozen(_mean(self.albedo)), _frozen(_mean(self.emission))
         scene.lights = tuple(light.with_colour(_mean(light.colour)) for light in self.lights)
         scene.sky = None if self.sky is None else Sky(_mean(self.sky.radiance))
+        scene.medium = _frozen(_mean(self.medium))
+        return scene
+
+    def within_medium(self) -> "Scene":
+        """The same scene with what is left of the light from infinitely far away."""
+        scene, passes = copy.copy(self), self.medium == 0
+        if passes.all():
+            return scene
+        suns = (light.with_colour(light.colour * passes) if light.is_far else light for light in self.lights)
+        scene.lights = tuple(suns)
+        scene.sky = None if self.sky is None else _checked_sky(Sky(self.sky.radiance * passes))
         return scene
 
     def near_origin(self) -> "Scene":
@@ -156,8 +171,8 @@ class Scene:
         return scene
 
     def same_geometry(self, other: "Scene") -> bool:
-        """Whether another scene was given the same triangles with the same sides and opacity."""
-        names = "triangles", "triangle_indices", "two_sided"
+        """Whether another scene was given the same triangles with the same sides and opacity, in the same medium."""
+        names = "triangles", "triangle_indices", "two_sided", "medium"
         same = all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
         if (self.shade is None) != (other.shade is None):
             return False
@@ -251,6 +266,16 @@ def _shade(corners: NDArray[np.float64], kept: NDArray[np.bool_], stopped: Opaci
 
 def _same(one: Opacity | None, other: Opacity | None) -> bool:
     return one is other is None or (one is not None and other is not None and one.same(other))
+
+
+def _absorption(values: ArrayLike) -> NDArray[np.float64]:
+    absorption = numbers("medium", values)
+    if absorption.shape not in ((), (3,)):
+        raise Error(f"medium: expected shape (3,) or a constant, got {absorption.shape}")
+    wrong = ~((absorption >= 0) & (absorption <= LARGEST))
+    if wrong.any():
+        raise Error(f"medium: it absorbs {absorption[wrong][0]:g} per metre, expected a number of at least 0")
+    return _frozen(np.array(np.broadcast_to(absorption, (3,))))
 
 
 def _checked_sky(sky: Sky | None) -> Sky | None:

@@ -10,7 +10,7 @@ from numbers import Integral, Real
 from .errors import Error
 
 #: What a scene may call for, in the order in which it is shown; `effects.py` decides about them.
-EFFECTS = ("occlusion", "interreflection", "colour", "lamps", "sky", "transparency", "two_sided", "glossy")
+EFFECTS = ("occlusion", "interreflection", "colour", "lamps", "sky", "transparency", "two_sided", "glossy", "medium")
 METHODS = ("direct", "fmm")
 ITERATIONS = ("krylov", "shooting")
 EXPANSIONS = ("whole", "paper", "compressed")

@@ -181,7 +181,7 @@ class Solution:
         asked = Receivers(points, normals, self._space.sums.occlusion, effort * self.used.rays)
         if self._lit_points is None or not self._lit_points.same(asked):
             self._lit_points = asked
-        return self._lit_points.irradiance(self._planned.lights, self._planned.sky, tick)
+        return self._lit_points.irradiance(self._planned, tick)
 
     def estimates(
         self, points: ArrayLike, normals: ArrayLike, rays: int, samples: int, tick: Tick = silent
@@ -202,10 +202,9 @@ class Solution:
 
     def _solved(self, rays: int) -> Solved:
         """What is measured; rays: to lamps and sky from each point."""
-        lights, sky = self._planned.lights, self._planned.sky
 
         def lamps(points: Points, normals: Points) -> Points:
-            return Receivers(points, normals, self._space.sums.occlusion, rays).irradiance(lights, sky)
+            return Receivers(points, normals, self._space.sums.occlusion, rays).irradiance(self._planned)
 
         direct = self._exchange.direct(self._planned)
         return Solved(self._planned, self._space, self._exchange.operator, self.radiosity, direct, lamps)

@@ -61,11 +61,14 @@ def _solve(whole: Scene, asked: Settings, settings: Settings, progress: Progress
     effects = plan(whole, settings)
     scene = planned(whole, effects)
     report = Report(settings, scene, effects)
+    if scene.medium.any() and settings.visibility == "cells":
+        raise Error("visibility: 'cells' cannot be used in a medium that absorbs light")
     if kept is not None:
         report.warnings += kept.take(scene)
     triangles = len(scene.triangles)
     with report.time("visibility"):
-        occlusion = Occlusion(scene, kept) if effects["occlusion"].used else None
+        # Through a medium light is found by rays, which know how far it comes.
+        occlusion = Occlusion(scene, kept) if effects["occlusion"].used or scene.medium.any() else None
     with report.time("tree"):
         count = settings.particles or min(max(AUTOMATIC_PARTICLES, triangles), MOST_AUTOMATIC)
         few = settings.method is None and settings.visibility != "cells" and max(count, triangles) <= FEW_PARTICLES
@@ -82,7 +85,7 @@ def _solve(whole: Scene, asked: Settings, settings: Settings, progress: Progress
     room = None
     if occlusion is None and settings.effects.get("occlusion") is not False:
         room = scene.opacity is None and is_watertight(scene.triangles)
-    sums = Sums(particles, occlusion, settings.near_reach or (single if degree == 1 else 4.0), room)
+    sums = Sums(particles, occlusion, settings.near_reach or (single if degree == 1 else 4.0), room, scene.medium)
     exchange = Exchange(MultipoleSpace(sums, settings) if multipole else DirectSpace(sums), settings)
     radiosity = exchange.radiosity(scene, report, progress)
     report.counts["rays"], report.kept = sums.rays, sums.replayed > 0

@@ -31,7 +31,7 @@ class Operator:
     def __init__(
         self,
         particles: Particles,
-        summation: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+        summation: Callable[[NDArray[np.float64], bool], NDArray[np.float64]],
         correction: _binding.Correction,
         mirrored: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     ) -> None:
@@ -46,7 +46,7 @@ class Operator:
         closed: light cannot leave the scene; lit: (N, 1) which particles others can see.
         """
         self._received = 1.0
-        self._received = received_balance(self.apply(lit), closed)
+        self._received = received_balance(self._clear(lit), closed)
         return self
 
     def balanced(self, closed: bool, shares: Shares | None, single: bool = True) -> NDArray[np.bool_]:
@@ -55,11 +55,11 @@ class Operator:
         single: whether sources are balanced too, one by one.
         """
         everything = np.ones_like(self._weights)
-        lit = self.apply(everything) > SEEN
+        lit = self._clear(everything) > SEEN
         self.received_balanced(closed, lit)
         if not single:
             return lit
-        rows = self.apply(everything)
+        rows = self._clear(everything)
         for _ in range(ROUNDS):
             areas = self._weights * self._received
             columns = self._mirrored(areas) + self._correction.sent(areas[:, 0])[:, None]
@@ -71,9 +71,16 @@ class Operator:
         """Irradiance (M, C) at the receivers for the particles' radiosity (N, C) in C channels, 1 or 3, both W/m^2;
         linear, so that a little less than nothing may be left where a correction subtracts what the sum has added.
         """
+        return self._apply(radiosity, False)
+
+    def _clear(self, radiosity: NDArray) -> NDArray[np.float64]:
+        """The same if nothing were absorbed on the way."""
+        return self._apply(radiosity, True)
+
+    def _apply(self, radiosity: NDArray, clear: bool) -> NDArray[np.float64]:
         strengths = self._weights * self._sent * radiosity
-        irradiance = self._sum(strengths)
-        self._correction.add(strengths, irradiance)
+        irradiance = self._sum(strengths, clear)
+        self._correction.add(strengths, irradiance, clear)
         irradiance *= self._received
         return irradiance
 
@@ -104,19 +111,35 @@ class Sums:
 
     occlusion   None where every surface in front of the horizon is seen
     room        None where something can be in the way; else whether the scene is a room without openings
+    absorption  of the medium between all surfaces, 1/m
     """
 
     def __init__(
-        self, particles: Particles, occlusion: Occlusion | None, near_reach: float, room: bool | None = None
+        self,
+        particles: Particles,
+        occlusion: Occlusion | None,
+        near_reach: float,
+        room: bool | None,
+        medium: NDArray[np.float64],
     ) -> None:
         self.particles, self.occlusion, self.near_reach = particles, occlusion, near_reach
-        self._room = room
+        self._room, self.absorption = room, tuple(medium.tolist())
         self._sight: tuple[NDArray[np.float64], Sight] | None = None
         # A group of triangles has no exact form factor: what is so near is found by rays.
         self._reach = (1 + ROUNDING) * near_reach * particles.radii * particles.whole
         self.sources = _binding.Sources(
-            particles.positions, particles.normals, particles.softening, particles.areas, particles.per_patch
+            particles.positions,
+            particles.normals,
+            particles.softening,
+            particles.areas,
+            particles.per_patch,
+            self.absorption,
         )
+
+    @property
+    def absorbs(self) -> bool:
+        """Whether the medium takes any light."""
+        return any(self.absorption)
 
     @property
     def keeps_energy(self) -> bool:
@@ -212,8 +235,8 @@ class Sums:
         if self.occlusion is not None:
             visible = self.occlusion.visible_pairs(points, normals, self.sources, symmetric, tick)
 
-        def summation(strengths: NDArray[np.float64]) -> NDArray[np.float64]:
-            return self.sources.irradiance(points, normals, strengths, visible)
+        def summation(strengths: NDArray[np.float64], clear: bool) -> NDArray[np.float64]:
+            return self.sources.irradiance(points, normals, strengths, visible, clear)
 
-        mirrored = summation if symmetric else None
+        mirrored = (lambda areas: summation(areas, True)) if symmetric else None
         return Operator(self.particles, summation, self.correction(points, normals, visible), mirrored)

@@ -93,11 +93,12 @@ class Occlusion:
     kept    answers of earlier solves, and where those of this one go, or None
     whole   whether nothing lets any light through
     shading what stands in the way of lamps and sky, which is asked for by `transmitted`
+    size    the longest side of the box around the triangles
     """
 
     def __init__(self, scene: Scene, kept: Kept | None = None) -> None:
         self._centre = scene.centre
-        self._scale = scene.size / 2
+        self.size, self._scale = scene.size, scene.size / 2
         self.triangles, self._two_sided = scene.triangles, scene.two_sided
         edges = scene.triangles[:, 1:] - scene.triangles[:, :1]
         self._normals = np.cross(edges[:, 0], edges[:, 1])

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What fills the space between the surfaces: the absorption of a world's volume."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import fmm_core
+import numpy as np
+
+if TYPE_CHECKING:
+    import bpy
+
+
+def read_volume(world: bpy.types.World | None) -> tuple[np.ndarray, list[str]]:
+    """Absorption (3,) in 1/m of a world's volume, and what of it is left out, in words.
+
+    Raises fmm_core.Error naming the world where a density or colour is none.
+    """
+    node = volume_node(world, "ShaderNodeOutputWorld")
+    if node is None:
+        return np.zeros(3), []
+    if node.bl_idname not in _ABSORPTION:
+        return np.zeros(3), [f"its volume '{node.name}' is not simulated: left out"]
+    linked = [socket.name for socket in node.inputs if socket.is_linked]
+    if linked:
+        return np.zeros(3), [f"its volume '{node.name}' is not the same everywhere ({', '.join(linked)}): left out"]
+    absorption, remarks = _ABSORPTION[node.bl_idname](node.inputs)
+    if not (np.isfinite(absorption) & (absorption >= 0)).all():
+        raise fmm_core.Error(f"world '{world.name}': its volume absorbs {absorption.min():g} per metre")
+    return absorption, remarks
+
+
+def volume_node(owner: bpy.types.World | bpy.types.Material | None, output: str) -> bpy.types.Node | None:
+    """The shader at the Volume output of a world or a material, or None."""
+    if owner is None or owner.node_tree is None:
+        return None
+    nodes = [node for node in owner.node_tree.nodes if node.bl_idname == output and node.is_active_output]
+    links = nodes[0].inputs["Volume"].links if nodes else ()
+    return links[0].from_node if links else None
+
+
+def _of_absorption(inputs: bpy.types.NodeInputs) -> tuple[np.ndarray, list[str]]:
+    """Cycles: what a colour lacks to 1, times the density."""
+    return _value(inputs, "Density") * np.maximum(1 - _value(inputs, "Color"), 0.0), []
+
+
+def _of_principled(inputs: bpy.types.NodeInputs) -> tuple[np.ndarray, list[str]]:
+    """Cycles scatters the colour, and absorbs of the rest what the root of the absorption colour lacks to 1."""
+    density, colour = _value(inputs, "Density"), _value(inputs, "Color")
+    kept = np.sqrt(np.maximum(_value(inputs, "Absorption Color"), 0.0))
+    left_out = {
+        "scatters light": density * colour.max(),
+        "glows": _value(inputs, "Emission Strength"),
+        "burns": _value(inputs, "Blackbody Intensity"),
+    }
+    remarks = [f"its volume {what}, which is not simulated" for what, amount in left_out.items() if amount > 0]
+    return density * np.maximum(1 - colour, 0.0) * np.maximum(1 - kept, 0.0), remarks
+
+
+#: Volumes that can be read.
+_ABSORPTION = {"ShaderNodeVolumeAbsorption": _of_absorption, "ShaderNodeVolumePrincipled": _of_principled}
+
+
+def _value(inputs: bpy.types.NodeInputs, name: str) -> np.ndarray:
+    value = inputs[name].default_value
+    return np.float64(value) if isinstance(value, float) else np.array(value[:3], np.float64)

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Volumes of worlds and materials: what is read, and what is named."""
+
+import bpy
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def fill(build):
+    """Gives a world or a material a volume shader: `fill(owner, output, shader, **inputs)`."""
+
+    def fill(owner, output, shader, **inputs):
+        if owner.node_tree is None:
+            owner.use_nodes = True
+        nodes = owner.node_tree.nodes
+        node = nodes.new(shader)
+        for name, value in inputs.items():
+            node.inputs[name.replace("_", " ")].default_value = value
+        end = next((one for one in nodes if one.bl_idname == output), None) or nodes.new(output)
+        owner.node_tree.links.new(node.outputs[0], end.inputs["Volume"])
+        return node
+
+    build.room()
+    bpy.context.scene.world = bpy.data.worlds.new("Fog")
+    return fill
+
+
+def world(fill, shader, **inputs):
+    return fill(bpy.context.scene.world, "ShaderNodeOutputWorld", shader, **inputs)
+
+
+def test_absorption_is_density_times_what_the_colour_lacks(fill, read):
+    assert (read().medium == 0).all()
+    world(fill, "ShaderNodeVolumeAbsorption", Color=(1.0, 0.75, 0.2, 1.0), Density=2.0)
+    arrays = read()
+    assert arrays.medium == pytest.approx([0.0, 0.5, 1.6])
+    assert arrays.warnings == ()
+
+
+def test_principled_volume_absorbs_what_it_does_not_scatter(fill, read):
+    black = {"Color": (0, 0, 0, 1), "Density": 2.0, "Absorption_Color": (0.25, 0.0, 1.0, 1.0)}
+    node = world(fill, "ShaderNodeVolumePrincipled", **black)
+    assert read().medium == pytest.approx([1.0, 2.0, 0.0])
+    assert read().warnings == ()
+    node.inputs["Color"].default_value = (0.5, 0.5, 0.5, 1.0)
+    assert read().medium == pytest.approx([0.5, 1.0, 0.0])
+    assert read().warnings == ("world 'Fog': its volume scatters light, which is not simulated",)
+
+
+def test_what_cannot_be_simulated_is_named(fill, read):
+    node = world(fill, "ShaderNodeVolumeAbsorption", Density=2.0)
+    tree = bpy.context.scene.world.node_tree
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs["Fac"], node.inputs["Density"])
+    arrays = read()
+    assert (arrays.medium == 0).all()
+    assert arrays.warnings == (
+        "world 'Fog': its volume 'Volume Absorption' is not the same everywhere (Density): left out",
+    )
+    world(fill, "ShaderNodeVolumeScatter")
+    assert read().warnings == ("world 'Fog': its volume 'Volume Scatter' is not simulated: left out",)
+
+
+def test_a_mesh_with_nothing_but_a_volume_blocks_no_light(fill, read, build):
+    fill(bpy.data.materials["Blue"], "ShaderNodeOutputMaterial", "ShaderNodeVolumeAbsorption")
+    jelly = build.material("Jelly")
+    jelly.node_tree.nodes.clear()
+    fill(jelly, "ShaderNodeOutputMaterial", "ShaderNodeVolumeAbsorption")
+    build.cube("Pudding", jelly)
+    arrays = read()
+    assert np.count_nonzero(arrays.opacity.mean == 0) == 12
+    assert arrays.warnings == (
+        "material 'Blue' on object 'Floor', 'Box': its volume 'Volume Absorption' is not simulated",
+        "material 'Jelly' on object 'Pudding': its volume 'Volume Absorption' is not simulated: all light passes "
+        "through it",
+    )
+
+
+def test_a_bake_in_fog_is_darker_and_says_why(fill, fmm):
+    bpy.context.scene.fmm_radiosity.particles = 300
+    settings = fmm.properties.settings_of(bpy.context.scene)
+    clear = fmm.bake.compute(fmm.bake.read(bpy.context), settings)
+    world(fill, "ShaderNodeVolumeAbsorption", Color=(0.0, 0.0, 0.0, 1.0), Density=1.0)
+    foggy = fmm.bake.compute(fmm.bake.read(bpy.context), settings)
+    assert foggy.solution.report["effects"]["medium"]["used"]
+    rows = next(receiver.rows for receiver in foggy.arrays.receivers if receiver.object == "Floor")
+    # The lamp is 2 m above.
+    share = foggy.colours[rows].sum() / clear.colours[rows].sum()
+    assert np.exp(-3.0) < share < np.exp(-1.5)

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A medium that absorbs light on its way, against closed forms and against the direct method."""
+
+import fmm_core
+import numpy as np
+import pytest
+import shapes
+from fmm_core import AreaLight, PointLight, Sky, SunLight
+from fmm_core.effects import plan
+from test_visibility import ALBEDO, EMISSION, TWO_BLOCKS
+
+MEDIUM = np.array([0.0, 0.5, 2.0])
+METHODS = ["direct", "fmm"]
+
+
+def solve(triangles, albedo, emission=0.0, method="direct", particles=1000, rays=None, probes=0, **scene):
+    whole = fmm_core.Scene(triangles, albedo, emission, **{"medium": MEDIUM, **scene})
+    return fmm_core.solve(whole, fmm_core.Settings(method=method, particles=particles, rays=rays, probes=probes))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_small_patches_far_apart_lose_what_their_distance_takes(method):
+    near = 0.02 * (shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]) - [0.5, 0.5, 0])
+    triangles = np.concatenate([near, near[:, ::-1] + [0.3, 0.0, 1.2]])
+    emission, points = np.array([0, 0, 1.0, 1.0]), (np.zeros((1, 3)), [[0, 0, 1.0]])
+    found, clear = (
+        solve(triangles, 0.0, emission, method, particles=64, medium=medium).irradiance(*points)
+        for medium in (MEDIUM, 0.0)
+    )
+    assert found == pytest.approx(clear * np.exp(-MEDIUM * np.hypot(0.3, 1.2)), rel=1e-3)
+    assert clear[0, 0] > 0
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("albedo", [0.0, 0.8])
+def test_inside_a_sphere_that_glows(method, albedo):
+    """Each point receives 2 (1 - (1 + t) exp(-t)) / t^2 of the radiosity, with t the absorption along a diameter."""
+    sphere = shapes.sphere(1.0, 4, inward=True)
+    solution = solve(sphere, albedo, 1.0, method, rays=400)
+    # Triangles cut the sphere short: by the mean chord of a convex body, 4 volumes over its surface.
+    a, b, c = sphere.transpose(1, 0, 2)
+    volume, area = (a * np.cross(b, c)).sum() / -6, np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    t = 6 * volume / area * MEDIUM[1:]
+    received = np.append(1.0, 2 * (1 - (1 + t) * np.exp(-t)) / t**2)
+    found = solution.irradiance(*shapes.random_points(sphere, 1)).mean(axis=0)
+    assert found == pytest.approx(received / (1 - albedo * received), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "lamp", [PointLight((0.2, 0.1, 2.0), 5.0), AreaLight((0, 0, 2), (0.75, 0, 0), (0, -0.25, 0), 5.0)]
+)
+def test_lamps_lose_what_the_way_to_each_of_their_points_takes(lamp):
+    floor = shapes.quad([-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0])
+    points = np.array([[0.7, -0.4, 0.0], [0, 0, 0]]), np.tile([0, 0, 1.0], (2, 1))
+    found, clear = (solve(floor, 0.5, lights=[lamp], medium=medium).irradiance(*points) for medium in (MEDIUM, 0.0))
+    if isinstance(lamp, PointLight):
+        distances = np.linalg.norm(points[0] - lamp.position, axis=1)
+        assert found == pytest.approx(clear * np.exp(-np.outer(distances, MEDIUM)), rel=1e-6)
+        return
+    ends = np.stack(np.meshgrid(np.linspace(-0.75, 0.75, 301), np.linspace(-0.25, 0.25, 101), [2.0]), -1).reshape(-1, 3)
+    between = ends - points[0][:, None]
+    squared = (between**2).sum(axis=2)
+    weights = between[..., 2] ** 2 / squared**2
+    left = np.exp(-np.sqrt(squared)[..., None] * MEDIUM)
+    share = (weights[..., None] * left).sum(axis=1) / weights.sum(axis=1)[:, None]
+    assert found == pytest.approx(clear * share, rel=0.01)
+
+
+def test_nothing_comes_from_infinitely_far_away():
+    floor = shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0])
+    points = np.full((1, 3), 0.5) * [1, 1, 0], [[0, 0, 1.0]]
+    solution = solve(floor, 0.5, sky=Sky(1.0), lights=[SunLight((0, 0, -1), 1.0)])
+    found = solution.irradiance(*points)
+    assert (found[:, 1:] == 0).all()
+    assert found[0, 0] == pytest.approx(np.pi + 1, rel=1e-3)
+    dark = solve(floor, 0.5, 1.0, sky=Sky(1.0), lights=[SunLight((0, 0, -1), 1.0)], medium=0.1)
+    assert dark.irradiance(*points).max() == 0
+    effects = dark.report["effects"]
+    assert not effects["sky"]["used"]
+    assert not effects["lamps"]["used"]
+
+
+@pytest.fixture(scope="module")
+def points():
+    """Not in the gaps under the blocks, which are far narrower than any patch of the direct method."""
+    places, normals = shapes.random_points(TWO_BLOCKS, 20)
+    above = places[:, 2] > 0.05
+    return places[above], normals[above]
+
+
+def test_shadows_and_bounces_are_those_of_the_direct_method(points):
+    exact, found = (
+        solve(TWO_BLOCKS, ALBEDO, EMISSION, method, particles=4000).irradiance(*points) for method in METHODS
+    )
+    assert np.linalg.norm(found - exact) < 0.015 * np.linalg.norm(exact)
+
+
+def test_measured_error_knows_the_medium(points):
+    solution = solve(TWO_BLOCKS, ALBEDO, EMISSION, "fmm", particles=4000, probes=200)
+    solution.irradiance(*points)
+    assert solution.report["error"]["measured_rms"] < 0.03
+    clear = solve(TWO_BLOCKS, ALBEDO, EMISSION, "fmm", particles=4000, medium=0.0).irradiance(*points)
+    assert np.abs(solution.irradiance(*points) - clear).max() > 0.3 * clear.mean()
+
+
+def test_the_plan_says_what_it_takes_and_can_be_overruled():
+    scene = fmm_core.Scene(TWO_BLOCKS, 0.5, EMISSION, medium=[0.0, 0.0, np.log(2) / 3])
+    assert plan(scene, fmm_core.Settings())["medium"].why == "a medium takes half of the light on 3 m"
+    points = shapes.random_points(TWO_BLOCKS, 1)
+    settings = fmm_core.Settings(particles=500, probes=0, effects={"medium": False})
+    without = fmm_core.solve(scene, settings)
+    clear = fmm_core.solve(fmm_core.Scene(TWO_BLOCKS, 0.5, EMISSION), fmm_core.Settings(particles=500, probes=0))
+    assert without.irradiance(*points) == pytest.approx(clear.irradiance(*points), rel=1e-9)
+    assert not without.report["effects"]["medium"]["used"]
+    assert not without.serves(fmm_core.Scene(TWO_BLOCKS, 0.5, EMISSION))
+
+
+@pytest.mark.parametrize(
+    ("medium", "why"), [(-0.1, "absorbs -0.1 per metre"), (np.nan, "absorbs nan"), ([1, 2], r"got \(2,\)")]
+)
+def test_what_is_no_medium_is_refused(medium, why):
+    with pytest.raises(fmm_core.Error, match=why):
+        fmm_core.Scene(TWO_BLOCKS, 0.5, EMISSION, medium=medium)
+
+
+def test_cells_are_refused():
+    scene = fmm_core.Scene(TWO_BLOCKS, 0.5, EMISSION, medium=0.1)
+    with pytest.raises(fmm_core.Error, match="'cells' cannot be used in a medium"):
+        fmm_core.solve(scene, fmm_core.Settings(method="fmm", visibility="cells"))
