@@ -14,6 +14,7 @@ use crate::octree::Octree;
 use crate::rays::Frame;
 use crate::surface::Surface;
 use crate::vector::{add, dot, norm, scale, sub};
+use crate::visibility::hash;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -23,6 +24,10 @@ use std::sync::OnceLock;
 const GOLDEN: f64 = 0.618_033_988_749_894_8;
 /// The generators of the R2 sequence: Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
 const R2: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
+
+/// Numbers of spirals, and what tells their hashes from those of links.
+const MOST: u64 = 1 << 24;
+const APART: u64 = 3 << 32;
 
 /// Cosine up to which a direction lies along the surface.
 const ALONG: f64 = 0.2;
@@ -127,7 +132,7 @@ impl Gather {
         for open in &self.leaves[leaves] {
             let points = targets.points_of(open.leaf as usize);
             // By its number in the scene, so that what moves elsewhere leaves the rays as they are.
-            let first = f64::from(targets.to_scene[points.start]);
+            let first = (hash(u64::from(targets.to_scene[points.start]) + APART) % MOST) as f64;
             for (row, i) in points.enumerate() {
                 let (x, n) = (targets.positions[i], targets.normals[i]);
                 let (s, t) = tangents(n);
