@@ -36,8 +36,10 @@ def remarks(obj: bpy.types.Object, seen: Seen, view: bool) -> list[str]:
                      "surfaces that shine")  # fmt: skip
     if view and seen.diffuse and not obj.visible_glossy:
         found.append("is hidden from glossy rays, which is not simulated: gloss shows it")
-    if obj.is_shadow_catcher:
-        found.append("is a shadow catcher, which is not simulated: it reflects and gets light as others do")
+    # Neither changes what others get, but Cycles bakes them black.
+    for flag, kind in (("is_shadow_catcher", "shadow catcher"), ("is_holdout", "holdout")):
+        if getattr(obj, flag):
+            found.append(f"is a {kind}, which is not simulated: it gets colours as others do")
     return found
 
 

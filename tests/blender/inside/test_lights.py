@@ -95,13 +95,15 @@ def test_nodes_of_a_lamp_multiply_its_power_or_are_named(build, read):
 def test_what_is_not_simulated_is_named(build, read):
     build.quad("Floor")
     build.quad("Catcher", z=-1).is_shadow_catcher = True
+    build.quad("Hole", z=-2).is_holdout = True
     obj = lamp()
     obj.light_linking.receiver_collection = bpy.data.collections.new("Only these")
     obj.light_linking.blocker_collection = bpy.data.collections.new("Trees")
     obj.data.cycles.max_bounces = 1
     arrays = read()
     assert arrays.warnings == (
-        "object 'Catcher' is a shadow catcher, which is not simulated: it reflects and gets light as others do",
+        "object 'Catcher' is a shadow catcher, which is not simulated: it gets colours as others do",
+        "object 'Hole' is a holdout, which is not simulated: it gets colours as others do",
         "light 'Lamp' has a limit of 1 bounces, which is not simulated",
         "light 'Lamp' is linked to light collection 'Only these', which is not simulated: it lights everything",
         "light 'Lamp' is linked to be shaded by collection 'Trees', which is not simulated: everything shades it",
