@@ -4,12 +4,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import fmm_core
 import numpy as np
 
 from . import ray_flags
+from .node_readers import plain
+from .node_values import Points, Unreadable, Values
+from .textures import MissingImage
 
 if TYPE_CHECKING:
     import bpy
@@ -69,13 +73,25 @@ def _of_nodes(lamp: bpy.types.Light) -> tuple[np.ndarray, list[str]]:
     shader = links[0].from_node
     if shader.bl_idname != "ShaderNodeEmission":
         return one, [f"its node '{shader.name}' is not simulated, its power and colour are used"]
-    colour, strength = shader.inputs["Color"], shader.inputs["Strength"]
-    remarks = [
-        f"{socket.name} of its node '{shader.name}' comes from another node, which is not read: its plain value is used"
-        for socket in (colour, strength)
-        if socket.is_linked
-    ]
-    return strength.default_value * np.array(colour.default_value[:3], np.float64), remarks
+    values, remarks = Values(Points(_Nowhere(), np.zeros((1, 1), int), np.ones((1, 1))), {}), []
+
+    def found(name: str, find: Callable[[bpy.types.NodeSocket], np.ndarray]) -> np.ndarray:
+        socket = shader.inputs[name]
+        try:
+            return find(socket)[0]
+        except (Unreadable, MissingImage):
+            remarks.append(f"{name} of its node '{shader.name}' comes from another node, which is not read: its plain "
+                           "value is used")  # fmt: skip
+            return plain(socket)[0]
+
+    return found("Strength", values.number) * found("Color", values.colour), remarks
+
+
+class _Nowhere:
+    """A lamp has no mesh: what a node asks of one is unreadable."""
+
+    def __getattr__(self, name: str) -> None:
+        raise Unreadable(name)
 
 
 def _is_normalised(lamp: bpy.types.Light) -> bool:

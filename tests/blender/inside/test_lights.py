@@ -87,6 +87,22 @@ def test_nodes_of_a_lamp_multiply_its_power_or_are_named(build, read):
     arrays = read()
     assert arrays.lights[0].intensity == pytest.approx((3, 1.5, 0))
     assert arrays.warnings == ()
+    paint, double = tree.nodes.new("ShaderNodeRGB"), tree.nodes.new("ShaderNodeMath")
+    paint.outputs[0].default_value, double.operation = (0.2, 0.4, 0.6, 1), "ADD"
+    double.inputs[0].default_value = double.inputs[1].default_value = 1.0
+    tree.links.new(paint.outputs[0], emission.inputs["Color"])
+    tree.links.new(double.outputs[0], emission.inputs["Strength"])
+    arrays = read()
+    assert arrays.lights[0].intensity == pytest.approx((0.4, 0.8, 1.2))
+    tree.links.new(tree.nodes.new("ShaderNodeBlackbody").outputs[0], emission.inputs["Color"])
+    arrays = read()
+    red, _, blue = arrays.lights[0].intensity
+    assert red > 10 * blue >= 0
+    assert arrays.warnings == ()
+    tree.links.new(tree.nodes.new("ShaderNodeTexImage").outputs[0], emission.inputs["Color"])
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], double.inputs[0])
+    assert [text.split(" of ")[0] for text in read().warnings] == ["light 'Lamp' Strength", "light 'Lamp' Color"]
+    tree.links.remove(emission.inputs["Color"].links[0])
     tree.links.new(tree.nodes.new("ShaderNodeLightFalloff").outputs[0], emission.inputs["Strength"])
     (warning,) = read().warnings
     assert "light 'Lamp' Strength of its node 'Emission'" in warning
