@@ -64,6 +64,42 @@ def find_sight(occlusion: Occlusion, points: Rows, normals: Rows, corners: Rows)
     return Sight(buried, joined)
 
 
+class _Groups:
+    """Rows of a table in groups, of which there are `count`; some may be empty."""
+
+    def __init__(self, groups: NDArray[np.int64], rows: NDArray[np.int64], count: int) -> None:
+        order = np.argsort(groups, kind="stable")
+        groups, self._rows, self._count = groups[order], rows[order], count
+        self._starts = np.flatnonzero(np.diff(groups, prepend=-1))
+        self._present = groups[self._starts]
+
+    def reduced(self, function: np.ufunc, table: Rows, empty: float) -> Rows:
+        """What a function of two makes of the rows (R, 3) of each group, and `empty` where there are none."""
+        found = np.full((self._count, 3), empty)
+        for column in range(3):
+            found[self._present, column] = function.reduceat(table[self._rows, column], self._starts)
+        return found
+
+
+@dataclass(frozen=True)
+class _System:
+    """What a fit is solved with, the same for any light.
+
+    sight, blocks (T, 3, 3) of each triangle's corners, weighted (S, 3) shares of the corners in each sample, diagonal
+    (M, 1) of the blocks; known (M,) whether any sample sees an output point; samples around each output point that see
+    it, those on each triangle that are not buried, and the triangles of each output point
+    """
+
+    sight: Sight
+    blocks: Rows
+    weighted: Rows
+    diagonal: Rows
+    known: NDArray[np.bool_]
+    around: _Groups
+    on: _Groups
+    of: _Groups
+
+
 class VertexFit:
     """Samples on the faces, and the fit of the output points' values to what is found there.
 
@@ -90,9 +126,15 @@ class VertexFit:
         rows = triangles[self._triangle]
         self.corners = positions[rows]
         self.points, self.normals = _placed(self.corners, normals[rows], self._shares)
+        self._system: _System | None = None
 
     def values(self, irradiance: Rows, sight: Sight) -> Rows:
         """Values (M, 3) of the output points for what is found at the samples (S, 3), none of them negative."""
+        if self._system is None or self._system.sight is not sight:
+            self._system = self._seen(sight)
+        return self._limited(self._solved(irradiance, self._system), irradiance, self._system)
+
+    def _seen(self, sight: Sight) -> _System:
         buried, joined = sight.buried, sight.joined
         owners = self._owners[self._triangle]
         counts = joined & ~buried[:, None]
@@ -102,25 +144,33 @@ class VertexFit:
         total = shares.sum(axis=1)
         weights = self._weights * total * np.where(buried, BURIED, 1.0)
         shares /= np.where(total > 0, total, 1.0)[:, None]
-        found = self._solved(shares, weights, irradiance)
-        return self._limited(found, irradiance, counts, known, buried)
-
-    def _solved(self, shares: Rows, weights: Rows, irradiance: Rows) -> Rows:
-        """Least squares with the shares (S, 3) of the corners of its triangle in each sample, and weights (S,)."""
-        count, owners = len(self._owners), self._owners[self._triangle]
         pairs = weights[:, None, None] * shares[:, :, None] * shares[:, None, :]
+        count = len(self._owners)
         blocks = np.stack([np.bincount(self._triangle, pair, count) for pair in pairs.reshape(-1, 9).T], axis=1)
         blocks = blocks.reshape(-1, 3, 3) + SMOOTHNESS * self._regular[:, None, None] * (3 * np.eye(3) - 1)
-        weighted = weights[:, None] * shares
+        seen = np.flatnonzero(counts)
+        return _System(
+            sight,
+            blocks,
+            weights[:, None] * shares,
+            _nonzero(self._summed(self._owners, np.einsum("tii->ti", blocks)))[:, None],
+            known,
+            _Groups(owners.ravel()[seen], seen // 3, self.count),
+            _Groups(self._triangle[~buried], np.flatnonzero(~buried), count),
+            _Groups(self._owners.ravel(), np.arange(3 * count) // 3, self.count),
+        )
+
+    def _solved(self, irradiance: Rows, system: _System) -> Rows:
+        """Least squares, each sample by the shares of the corners of its triangle in it."""
+        owners, weighted = self._owners[self._triangle], system.weighted
         right = np.stack([self._summed(owners, weighted * colour[:, None]) for colour in irradiance.T], axis=1)
         start = right / _nonzero(self._summed(owners, weighted))[:, None]
-        diagonal = _nonzero(self._summed(self._owners, np.einsum("tii->ti", blocks)))[:, None]
 
         def apply(values: Rows) -> Rows:
-            products = blocks @ values[self._owners]
+            products = system.blocks @ values[self._owners]
             return np.stack([self._summed(self._owners, products[:, :, colour]) for colour in range(3)], axis=1)
 
-        return _conjugate_gradients(apply, right, diagonal, start)
+        return _conjugate_gradients(apply, right, system.diagonal, start)
 
     def _summed(self, owners: NDArray[np.int64], values: Rows) -> Rows:
         return np.bincount(owners.ravel(), values.ravel(), self.count)
@@ -130,36 +180,19 @@ class VertexFit:
         """(T,) areas for the smoothness, so that triangles without any still tie their corners together."""
         return np.maximum(self._areas, 1e-6 * self._areas.mean())
 
-    def _limited(
-        self,
-        found: Rows,
-        irradiance: Rows,
-        counts: NDArray[np.bool_],
-        known: NDArray[np.bool_],
-        buried: NDArray[np.bool_],
-    ) -> Rows:
+    def _limited(self, found: Rows, irradiance: Rows, system: _System) -> Rows:
         """Values that do not overshoot: within the range of the samples that see a vertex, or somewhat beyond it,
         and never black where these are not.
 
         A vertex under an object is not brighter than the darkest triangle around it: under a wall, light of one side
         would show on the other.
         """
-        owners = self._owners[self._triangle]
-        low, high = np.full((self.count, 3), np.inf), np.zeros((self.count, 3))
-        for corner in range(3):
-            seen = counts[:, corner]
-            np.minimum.at(low, owners[seen, corner], irradiance[seen])
-            np.maximum.at(high, owners[seen, corner], irradiance[seen])
-        low[~known] = 0.0
+        low = system.around.reduced(np.minimum, irradiance, 0.0)
+        high = system.around.reduced(np.maximum, irradiance, 0.0)
         slack = OVERSHOOT * (high - low)
-
-        brightest = np.full((len(self._owners), 3), -np.inf)
-        np.maximum.at(brightest, self._triangle[~buried], irradiance[~buried])
-        brightest[np.isneginf(brightest)] = np.inf
-        darkest = np.full((self.count, 3), np.inf)
-        for corner in range(3):
-            np.minimum.at(darkest, self._owners[:, corner], brightest)
-        high = np.where(known[:, None], high + slack, darkest)
+        brightest = system.on.reduced(np.maximum, irradiance, np.inf)
+        darkest = system.of.reduced(np.minimum, brightest, np.inf)
+        high = np.where(system.known[:, None], high + slack, darkest)
         return np.clip(found, np.maximum(low - slack, low / 2), high)
 
 
