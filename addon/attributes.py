@@ -60,12 +60,13 @@ class Output:
 @dataclass(frozen=True)
 class Layers:
     """Attributes to write: linear colours (C,3) of every corner, in the order of the receivers, for each of
-    `output.names`.
+    `output.names`; rendered: whether a renderer shall take the main one where a material names none.
     """
 
     receivers: Sequence[Receiver]
     colours: Mapping[str, np.ndarray]
     output: Output
+    rendered: bool = True
 
 
 def check(receivers: Sequence[Receiver], output: Output) -> None:
@@ -108,8 +109,20 @@ def write(parts: Sequence[Layers]) -> None:
     for mesh, _, part in wanted:
         index = mesh.color_attributes.find(part.output.name)
         mesh.color_attributes.active_color_index = index
-        mesh.color_attributes.render_color_index = index
+        if part.rendered:
+            mesh.color_attributes.render_color_index = index
         mesh.update()
+
+
+def activate(name: str) -> None:
+    """Let 3D views show the colour attribute of that name, on all meshes that have it."""
+    import bpy
+
+    for mesh in bpy.data.meshes:
+        index = mesh.color_attributes.find(name)
+        if index >= 0 and mesh.is_editable:
+            mesh.color_attributes.active_color_index = index
+            mesh.update()
 
 
 def layer(receiver: Receiver, colours: np.ndarray, domain: str = "AUTO") -> tuple[str, np.ndarray]:

@@ -10,7 +10,7 @@ import bpy
 from bl_ui.utils import PresetPanel
 from bpy.app.translations import pgettext_iface as translated
 
-from . import estimate, shading
+from . import error_map, estimate, shading
 from .report import PHASES, percent, typical
 from .session import Running, session
 
@@ -132,6 +132,13 @@ class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
                 _draw_pair(column, name, f"{report['seconds'][phase]:.2f} s")
         for warning in report["warnings"][:_SHOWN_WARNINGS]:
             _draw_text(self.layout, context, warning, "ERROR")
+        shown = error_map.shown(context.scene, context.view_layer)
+        text = "Hide Error Map" if shown else "Error Map"
+        self.layout.operator("fmm_radiosity.error_map", text=text, icon="COLOR", depress=shown)
+        if shown and session.map_top is not None:
+            _draw_pair(
+                self.layout.column(align=True), "Yellow", translated("{:s} or more").format(percent(session.map_top))
+            )
         self.layout.operator("fmm_radiosity.show_report", icon="TEXT")
         self.layout.operator("fmm_radiosity.study", icon="GRAPH")
 

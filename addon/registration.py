@@ -11,6 +11,7 @@ from ..operators.add_nodes import FMM_RADIOSITY_OT_add_nodes
 from ..operators.bake import FMM_RADIOSITY_OT_bake
 from ..operators.bake_frames import FMM_RADIOSITY_OT_bake_frames
 from ..operators.check import FMM_RADIOSITY_OT_check
+from ..operators.error_map import FMM_RADIOSITY_OT_error_map
 from ..operators.presets import FMM_RADIOSITY_OT_preset_add
 from ..operators.refine import FMM_RADIOSITY_OT_refine
 from ..operators.relight import FMM_RADIOSITY_OT_relight
@@ -36,6 +37,7 @@ _CLASSES = (
     FMM_RADIOSITY_OT_preset_add,
     FMM_RADIOSITY_OT_show_report,
     FMM_RADIOSITY_OT_study,
+    FMM_RADIOSITY_OT_error_map,
     *panels.CLASSES,
 )
 #: Holds a folder "presets".

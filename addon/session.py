@@ -53,11 +53,11 @@ class Session:
 
     running: the bake under way or None; report: that of the last finished bake or None; effects: which ones the scene
     called for when it was last looked at, as in a report, or None; solution: what it solved, which serves the next bake
-    where only lights and colours have changed, or None; places: where its light was found; moving: what its rays met,
-    where more than that changes from bake to bake, or None; pace: how much longer bakes take on this machine than
-    `estimate` has it; views: how 3D views were shaded before they showed the result; problem: why the colours do not
-    follow the lights at the moment, or None; threads_late: whether the wanted number of threads came too late for this
-    process
+    where only lights and colours have changed, or None; places: where its light was found; map_top: the error that the
+    brightest colour of the error map stands for, or None; moving: what its rays met, where more than that changes from
+    bake to bake, or None; pace: how much longer bakes take on this machine than `estimate` has it; views: how 3D views
+    were shaded before they showed the result; problem: why the colours do not follow the lights at the moment, or None;
+    threads_late: whether the wanted number of threads came too late for this process
     """
 
     running: Running | None = None
@@ -66,6 +66,7 @@ class Session:
     solution: fmm_core.Solution | None = None
     places: Places | None = None
     moving: fmm_core.MovingVisibility | None = None
+    map_top: float | None = None
     pace: float = 1.0
     views: dict[int, dict[str, object]] = field(default_factory=dict)
     problem: str | None = None
@@ -78,7 +79,7 @@ class Session:
 
     def forget(self) -> None:
         """Let go of the last bake: another file has other geometry, and its solution can be large."""
-        self.solution = self.places = self.report = self.effects = self.problem = None
+        self.solution = self.places = self.map_top = self.report = self.effects = self.problem = None
         self.views.clear()
 
     def submit(self, work: Callable, *arguments: object) -> Future:

@@ -120,7 +120,7 @@ def compute(
     places = places_of(arrays, output.colours == "FIT", session)
     seconds = data.seconds + time.perf_counter() - start
     progress = memory.limited(progress, data.memory_limit)
-    solution, gathered = _solved(data, settings, places, session, solve, warnings, progress)
+    solution, gathered = solved(data, settings, places, session, solve, warnings, progress)
     black, received = None, gathered
     if output.content == "INDIRECT":
         # Black surfaces send nothing on: what is left is direct.
@@ -142,7 +142,7 @@ def compute(
     return Result(arrays, output, layers, solution, seconds, tuple(warnings))
 
 
-def _solved(
+def solved(
     data: Input,
     settings: fmm_core.Settings,
     places: Places,
@@ -151,7 +151,10 @@ def _solved(
     warnings: list[str],
     progress: Progress | None,
 ) -> tuple[fmm_core.Solution, np.ndarray]:
-    """A solution, that of the session where it serves, and the irradiance (S,3) it has at the places."""
+    """A solution, that of the session where it serves, and the irradiance (S,3) it has at the places.
+
+    solve, session as in `compute`; warnings: takes those of files that could not be read.
+    """
     arrays, scene, solution = data.arrays, scene_of(data.arrays), session.solution
     if solution is not None and _serves(solution, scene, settings, data.kept):
         sky = fmm_core.Sky(0.0) if arrays.sky is None else arrays.sky

@@ -109,9 +109,17 @@ class VertexFit:
     count           of output points, M
     """
 
-    def __init__(self, output: OutputPoints, positions: ArrayLike, normals: ArrayLike, triangles: ArrayLike) -> None:
+    def __init__(
+        self,
+        output: OutputPoints,
+        positions: ArrayLike,
+        normals: ArrayLike,
+        triangles: ArrayLike,
+        seed: int | None = None,
+    ) -> None:
         """positions (C, 3) and unit normals (C, 3) of the mesh corners that `output` was made from; triangles (T, 3)
-        the corners of each triangle, between which a renderer interpolates. Raises `Error` naming the array.
+        the corners of each triangle, between which a renderer interpolates; seed: of samples in random places of the
+        triangles, as `errors` wants them. Raises `Error` naming the array.
         """
         positions, normals = numbers("positions", positions), numbers("normals", normals)
         triangles = np.asarray(triangles, np.int64).reshape(-1, 3)
@@ -121,7 +129,7 @@ class VertexFit:
             raise Error(f"triangles: expected corners from 0 to {len(positions) - 1}")
         self.count = len(output.points)
         self._owners, self._areas = output.inverse[triangles], triangle_areas(positions[triangles])
-        self._triangle, self._shares, self._weights = _samples(positions[triangles], self._areas)
+        self._triangle, self._shares, self._weights = _samples(positions[triangles], self._areas, seed)
         self.effort = min(1.0, FULL_EFFORT * self.count / max(1, len(self._triangle)))
         rows = triangles[self._triangle]
         self.corners = positions[rows]
@@ -133,6 +141,17 @@ class VertexFit:
         if self._system is None or self._system.sight is not sight:
             self._system = self._seen(sight)
         return self._limited(self._solved(irradiance, self._system), irradiance, self._system)
+
+    def errors(self, values: Rows, irradiance: Rows, sight: Sight) -> NDArray[np.float64]:
+        """(M,) how far values (M, 3) of the output points are off around each, W/m^2: the RMS difference between what
+        a renderer interpolates and what was found at samples (S, 3), for which those of another seed than that of the
+        values are wanted. 0 where no sample sees an output point.
+        """
+        owners = self._owners[self._triangle]
+        squared = ((np.einsum("sc,scx->sx", self._shares, values[owners]) - irradiance) ** 2).sum(axis=1)
+        weights = self._weights[:, None] * self._shares * (sight.joined & ~sight.buried[:, None])
+        total = self._summed(owners, weights)
+        return np.sqrt(self._summed(owners, weights * squared[:, None]) / _nonzero(total))
 
     def _seen(self, sight: Sight) -> _System:
         buried, joined = sight.buried, sight.joined
@@ -196,12 +215,13 @@ class VertexFit:
         return np.clip(found, np.maximum(low - slack, low / 2), high)
 
 
-def _samples(triangles: Rows, areas: Rows) -> tuple[NDArray[np.int64], Rows, Rows]:
+def _samples(triangles: Rows, areas: Rows, seed: int | None) -> tuple[NDArray[np.int64], Rows, Rows]:
     """Triangle (S,), barycentric coordinates (S, 3) and area (S,) of each sample.
 
     Large triangles are cut into pieces; a piece has the three points of a rule that is exact for squares of linear
-    functions, or one in the middle where it is small.
+    functions, or one in the middle where it is small; with a seed as many random ones.
     """
+    rng = None if seed is None else np.random.default_rng(seed)
     count = max(len(triangles), min(SAMPLES_EACH * len(triangles), MOST_SAMPLES), LEAST_SAMPLES)
     each = (1 + ROUNDING) * areas.sum() / count
     pieces, owner, size = np.broadcast_to(np.eye(3), (len(triangles), 3, 3)), np.arange(len(triangles)), areas
@@ -210,7 +230,10 @@ def _samples(triangles: Rows, areas: Rows) -> tuple[NDArray[np.int64], Rows, Row
         large = size > 2 * SAMPLES_EACH * each
         for degree, chosen in ((2, ~large & (size > 2 * each)), (1, ~large & (size <= 2 * each))):
             points, weights = triangle_rule(degree)
-            shares = np.einsum("kc,pcx->pkx", points, pieces[chosen]).reshape(-1, 3)
+            inside = np.broadcast_to(points, (np.count_nonzero(chosen), *points.shape))
+            if rng is not None:
+                inside = rng.dirichlet(np.ones(3), inside.shape[:2])
+            shares = np.einsum("pkc,pcx->pkx", inside, pieces[chosen]).reshape(-1, 3)
             found.append((np.repeat(owner[chosen], len(points)), shares, (size[chosen, None] * weights).ravel()))
         pieces, owner, size = pieces[large], np.tile(owner[large], 2), np.tile(size[large] / 2, 2)
         corners = pieces @ triangles[owner[: len(pieces)]]

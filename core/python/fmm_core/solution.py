@@ -3,6 +3,7 @@
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -166,6 +167,16 @@ class Solution:
                 self._report.counts["tables"] += 1
         self._report.counts["directed_rays"] += incident.rays
         return found
+
+    def apart(self) -> "Solution":
+        """The same, to be asked at other points: keeps no rays, and leaves what `relight` finds again alone."""
+        other, space = copy(self), copy(self._space)
+        space.sums = copy(space.sums)
+        if space.sums.occlusion is not None:
+            space.sums.occlusion = space.sums.occlusion.apart()
+        other._space, other._lit_points, other._relit = space, None, True
+        other._report = Report(self.used, self._planned, self._report.effects)
+        return other
 
     def _receivers(self, points: ArrayLike, normals: ArrayLike) -> tuple[Points, Points]:
         """Points and normals (M, 3), checked, where the scene was solved."""
