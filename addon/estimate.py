@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a bake will cost, from the number of vertices and the settings alone.
 
-Rays per colour and memory per vertex are those that the core counted in rooms of 5,000 to 160,000 vertices; rays per
-second is that of one core of a common machine, until a bake of this session has shown what this one does.
+Rays and seconds are those that the core counted in rooms of 4,000 to 75,000 vertices with 100 to 4,000 rays per colour,
+the seconds on cores of a common machine, until a bake of this session has shown what this one does.
 """
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,18 +19,25 @@ if TYPE_CHECKING:
     import bpy
     import fmm_core
 
-#: Rays traced for each ray of the settings: the second half finds penumbrae and small things.
-_RAYS_PER_RAY = 2.0
-#: What measuring the error takes, as a share of the rest.
-_MEASURING = 0.25
-#: The number of particles that the core chooses where it is left open, least and most, and from when it is not direct.
-_PARTICLES, _FEW = (1200, 20_000), 5000
+#: Colours of a vertex, which has more than one along creases.
+_COLOURS = 1.5
+#: Rays traced for each ray of the settings and colour, and for each particle whatever the settings: they find penumbrae
+#: and small things.
+_RAYS_PER_RAY, _RAYS_PER_PARTICLE = 1.5, 100
+#: The particles that the core aims at where their number is left open, least and most, what comes of each of them, and
+#: from when it is not direct.
+_PARTICLES, _MADE, _FEW = (1200, 20_000), 2, 5000
 #: A particle is given this part of the rays of a colour.
 _PARTICLE_SHARE = 0.25
-#: A fit looks from so many samples a vertex, with so many times the rays of the vertex together.
-_SAMPLES, _FIT_RAYS = 6, 1.5
-#: Rays a second and core; seconds and MiB that every bake takes; KiB a vertex.
-_RATE, _LEAST_SECONDS, _LEAST_MIB, _KIB = 2.5e6, 0.3, 150, 2.5
+#: A fit looks from so many samples a vertex but not from more than these, with so many times the rays of the colours.
+_SAMPLES, _MOST_SAMPLES, _FIT_RAYS = 6, 300_000, 1.5
+#: Seconds of one core for each ray where there are so many triangles, what doubling these adds to it as a share, and
+#: seconds for each particle and each sample.
+_RAY, _TRIANGLES, _DOUBLED, _PARTICLE, _SAMPLE = 1.9e-7, 1e4, 0.15, 3.5e-5, 2.2e-5
+#: What measuring the error takes, as a share of the rest, and seconds of one core at most.
+_MEASURING, _MOST_MEASURING = 0.25, 2.0
+#: Seconds and MiB that every bake takes; KiB a vertex.
+_LEAST_SECONDS, _LEAST_MIB, _KIB = 0.3, 150, 2.5
 
 
 @dataclass(frozen=True)
@@ -54,16 +62,20 @@ def predict(vertices: int, settings: fmm_core.Settings, fitted: bool, pace: floa
     """The expected cost for so many vertices; fitted: whether colours are; pace: how much longer bakes take here than
     this model has it.
     """
-    triangles = 2 * vertices
-    particles = settings.particles or min(max(_PARTICLES[0], triangles), _PARTICLES[1])
-    if settings.method != "fmm" and max(particles, triangles) <= _FEW:
+    triangles, cores = 2 * vertices, os.cpu_count() or 1
+    particles = settings.particles or _MADE * min(max(_PARTICLES[0], triangles), _PARTICLES[1])
+    samples = min(_SAMPLES * vertices, _MOST_SAMPLES) if fitted else _COLOURS * vertices
+    if settings.method != "fmm" and max(settings.particles or _PARTICLES[0], triangles) <= _FEW:
         # Half of all pairs face each other, and of two particles one asks for both.
-        rays = particles * (_SAMPLES * vertices if fitted else vertices) / 2 + particles**2 / 4
+        rays = particles * samples / 2 + particles**2 / 4
     else:
-        each = _RAYS_PER_RAY * settings.begin().rays
-        rays = each * (vertices * (_FIT_RAYS if fitted else 1) + _PARTICLE_SHARE * particles)
-    pace *= 1 + _MEASURING if settings.probes else 1
-    seconds = pace * (_LEAST_SECONDS + rays / (_RATE * (os.cpu_count() or 1)))
+        asked = _COLOURS * vertices * (_FIT_RAYS if fitted else 1) + _PARTICLE_SHARE * particles
+        rays = _RAYS_PER_PARTICLE * particles + _RAYS_PER_RAY * settings.begin().rays * asked
+    ray = _RAY * (1 + _DOUBLED * max(0.0, math.log2(triangles / _TRIANGLES)) if triangles else 1)
+    seconds = _LEAST_SECONDS + (ray * rays + _PARTICLE * particles + _SAMPLE * samples) / cores
+    if settings.probes:
+        seconds += min(_MEASURING * seconds, _MOST_MEASURING / cores)
+    seconds *= pace
     return Cost(vertices, round(rays), seconds, round(_LEAST_MIB + _KIB * vertices / 1024))
 
 

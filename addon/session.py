@@ -3,9 +3,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
-import threading
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -20,10 +17,6 @@ if TYPE_CHECKING:
 
 #: Before so much is done nobody can tell when the rest will be.
 _FIRST_FRACTION = 0.03
-
-
-#: How much less important than Blender's own a bake's threads are, as Linux has it.
-_NICE = 10
 
 
 @dataclass
@@ -85,7 +78,7 @@ class Session:
     def submit(self, work: Callable, *arguments: object) -> Future:
         """Start work in the thread that all bakes share: one that was cancelled ends before the next one begins."""
         if self._pool is None:
-            self._pool = ThreadPoolExecutor(max_workers=1, initializer=_give_way)
+            self._pool = ThreadPoolExecutor(max_workers=1)
         return self._pool.submit(work, *arguments)
 
     def close(self) -> None:
@@ -95,12 +88,6 @@ class Session:
         if self._pool is not None:
             self._pool.shutdown(wait=True, cancel_futures=True)
         self.__init__()
-
-
-def _give_way() -> None:
-    """Let the window be drawn first; threads that this one starts are as it is."""
-    if sys.platform == "linux":
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
 
 
 session = Session()

@@ -67,17 +67,15 @@ def install(stalls: Stalls) -> Steps:
 
 
 def drawing(stalls: Stalls) -> Steps:
-    """Seconds that the whole window takes to be drawn."""
+    """Say how long the whole window takes to be drawn."""
     yield 1.0
     stalls.forget()
     for _ in range(5):
         for each in window().screen.areas:
             each.tag_redraw()
         yield 0.1
-    took = stalls.turn
-    say(f"the window is drawn in {1000 * took:.0f} ms")
+    say(f"the window is drawn in {1000 * stalls.turn:.0f} ms")
     stalls.forget()
-    return took
 
 
 def first_clicks() -> Steps:
@@ -127,12 +125,12 @@ def bake_cornell_box(stalls: Stalls) -> Steps:
     assert same(all_colours(), before)
     assert session().report is None
 
-    idle = yield from drawing(stalls)
+    yield from drawing(stalls)
     assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
     yield LOOK
-    stalls.check("while the scene is read", idle)
+    stalls.check("while the scene is read")
     yield from until_half_way(0.85)
-    stalls.check("while it is solved", idle)
+    stalls.check("while it is solved")
     shoot("panel_during", panel=True)
     stalls.forget()
     yield from until_done()
@@ -152,6 +150,27 @@ def bake_cornell_box(stalls: Stalls) -> Steps:
     press("Z", ctrl=True, shift=True)
     yield 1.0
     assert same(all_colours(), baked), "one redo brings it back"
+    yield from map_errors(stalls)
+    assert same(all_colours(), baked)
+
+
+def map_errors(stalls: Stalls) -> Steps:
+    """Show where the colours are off, go back, and undo both."""
+    view = bpy.data.meshes["Room"]
+    stalls.forget()
+    assert operate("fmm_radiosity.error_map") == {"RUNNING_MODAL"}
+    yield from until_done()
+    stalls.check("while errors are mapped")
+    assert view.attributes.active_color_name == "Radiosity Error"
+    yield from rest()
+    shoot("error_map")
+    assert operate("fmm_radiosity.error_map") == {"FINISHED"}
+    assert bpy.data.meshes["Room"].attributes.active_color_name == "Radiosity"
+    yield 0.5
+    for _ in range(2):
+        press("Z", ctrl=True)
+        yield 1.0
+    assert "Radiosity Error" not in bpy.data.meshes["Room"].attributes, "two undos take map and way back away"
 
 
 def change_lights(stalls: Stalls) -> Steps:
@@ -233,16 +252,16 @@ def many_vertices(stalls: Stalls) -> Steps:
     for obj in bpy.context.view_layer.objects:
         obj.select_set(False)
     yield 1.0
-    idle = yield from drawing(stalls)
+    yield from drawing(stalls)
     assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
     yield LOOK
-    stalls.check("while the hall is read", idle)
+    stalls.check("while the hall is read")
     yield from until_half_way(0.3)
     yield from escape()
-    stalls.check("while the hall is solved, and at Escape", idle)
+    stalls.check("while the hall is solved, and at Escape")
     assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
     yield from until_half_way(0.8)
-    stalls.check("while the hall is read and solved", idle)
+    stalls.check("while the hall is read and solved")
     yield from until_done()
     stalls.check("while the hall is written")
     say(f"hall: measured error {session().report['error']['measured_rms']:.4f}")
@@ -313,6 +332,22 @@ def speak_german() -> Steps:
     view.language = "en_US"
 
 
+def uninstall() -> Steps:
+    """Uninstall by the button of Blender's preferences: nothing is left, of translations either."""
+    view, pgettext = bpy.context.preferences.view, bpy.app.translations.pgettext_iface
+    view.language, view.use_translate_interface = "de_DE", True
+    assert pgettext("Bake Radiosity") == "Radiosity backen"
+    repos = bpy.context.preferences.extensions.repos
+    index = next(i for i, repo in enumerate(repos) if repo.module == "user_default")
+    assert bpy.ops.extensions.package_uninstall(repo_index=index, pkg_id="fmm_radiosity") == {"FINISHED"}
+    yield 1.0
+    assert pgettext("Bake Radiosity") == "Bake Radiosity"
+    assert not [name for name in dir(bpy.types) if "fmm_radiosity" in name.lower()]
+    assert not hasattr(bpy.context.scene, "fmm_radiosity")
+    assert not bpy.utils.preset_paths("fmm_radiosity")
+    view.language = "en_US"
+
+
 def day(stalls: Stalls) -> Steps:
     """All steps."""
     yield 1.0
@@ -326,6 +361,7 @@ def day(stalls: Stalls) -> Steps:
     yield from first_bake()
     yield from speak_german()
     yield from study()
+    yield from uninstall()
 
 
 def drive() -> None:

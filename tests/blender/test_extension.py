@@ -40,23 +40,32 @@ def test_switching_on_prints_nothing(blender):
     assert "Error: Python" not in done.stdout + done.stderr
 
 
-def test_switched_on_and_off_twenty_times_leaves_nothing_behind(blender):
-    shown = blender.code(f"""
+#: What an extension can leave behind in Blender.
+LEFT = f"""
 import bpy
 import addon_utils, sys, threading
 def left():
     handlers = sum(len(found) for name in dir(bpy.app.handlers)
                    if isinstance(found := getattr(bpy.app.handlers, name), list))
-    timer = bpy.app.timers.is_registered(sys.modules["{MODULE}.addon.live"]._turn)
+    live = sys.modules.get("{MODULE}.addon.live")
+    timer = live is not None and bpy.app.timers.is_registered(live._turn)
     # Blender keeps the types of operators and property groups by name.
     types = sorted(name for name in dir(bpy.types) if "fmm_radiosity" in name.lower())
     where = bpy.types.Scene, bpy.types.WindowManager, bpy.ops
     names = [name for holder in where for name in dir(holder) if "fmm_radiosity" in name]
     presets = bpy.utils.preset_paths("fmm_radiosity")
-    return handlers, types, names, presets, threading.active_count(), timer
+    keys = [item.idname for config in bpy.context.window_manager.keyconfigs for keymap in config.keymaps
+            for item in keymap.keymap_items if "fmm_radiosity" in item.idname]
+    return handlers, threading.active_count(), timer, types, names, presets, keys
 def used():
     bpy.context.window_manager.fmm_radiosity_live = True
     sys.modules["{MODULE}.addon.session"].session.submit(len, "")
+NOTHING = [], [], [], []
+"""
+
+
+def test_switched_on_and_off_twenty_times_leaves_nothing_behind(blender):
+    shown = blender.code(f"""{LEFT}
 addon_utils.enable("{MODULE}")
 addon_utils.disable("{MODULE}")
 before = left()
@@ -67,11 +76,38 @@ for turn in range(20):
     used()
     addon_utils.disable("{MODULE}")
     assert left() == before, (left(), before)
-print(before[1:4])
+assert before[2:] == (False, *NOTHING), before
 addon_utils.enable("{MODULE}")
 print(addon_utils._extensions_warnings_get())
 """)
-    assert shown.splitlines()[-2:] == ["([], [], [])", "{}"]
+    assert shown.splitlines()[-1] == "{}"
+
+
+def test_uninstalling_leaves_nothing_behind(archive, tmp_path):
+    # Without it Blender takes the folder of whoever runs this.
+    (tmp_path / "user").mkdir()
+    done = Blender(tmp_path / "user").run(
+        "-c",
+        f"""{LEFT}
+before = left()
+bpy.ops.extensions.package_install_files(filepath={str(archive)!r}, repo="user_default", enable_on_install=True)
+assert left()[3:] != NOTHING
+used()
+repos = bpy.context.preferences.extensions.repos
+index = next(i for i, repo in enumerate(repos) if repo.module == "user_default")
+assert bpy.ops.extensions.package_uninstall(repo_index=index, pkg_id="fmm_radiosity") == {{"FINISHED"}}
+assert left() == before, (left(), before)
+assert before[2:] == (False, *NOTHING), before
+assert "{MODULE}" not in bpy.context.preferences.addons
+print(addon_utils._extensions_warnings_get())
+""",
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.splitlines()[-1] == "{}"
+    assert "Traceback" not in done.stderr
+    # Folders, and what Blender itself keeps there about what is installed, are no files of the extension.
+    files = [path for path in (tmp_path / "user").rglob("*") if path.is_file()]
+    assert not [path for path in files if "radiosity" in str(path) or "fmm" in str(path) or "embree" in str(path)]
 
 
 def test_copy_for_another_system_says_so(archive, tmp_path, root):
