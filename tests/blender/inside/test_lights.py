@@ -94,7 +94,9 @@ def test_nodes_of_a_lamp_multiply_its_power_or_are_named(build, read):
     tree.links.new(double.outputs[0], emission.inputs["Strength"])
     arrays = read()
     assert arrays.lights[0].intensity == pytest.approx((0.4, 0.8, 1.2))
-    tree.links.new(tree.nodes.new("ShaderNodeBlackbody").outputs[0], emission.inputs["Color"])
+    fire = tree.nodes.new("ShaderNodeBlackbody")
+    fire.inputs[0].default_value = 2000
+    tree.links.new(fire.outputs[0], emission.inputs["Color"])
     arrays = read()
     red, _, blue = arrays.lights[0].intensity
     assert red > 10 * blue >= 0
