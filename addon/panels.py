@@ -124,6 +124,8 @@ class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
             if error["low"]:
                 _draw_pair(column, "Between", f"{percent(error['low'])}, {percent(error['high'])}")
             _draw_pair(column, "Largest Error", percent(error["measured_max"]))
+        self._draw_map(context)
+        column = self.layout.column(align=True)
         if report["rounds"]:
             _draw_pair(column, "Rounds", str(len(report["rounds"])))
         _draw_pair(column, "Rays", f"{report['counts']['rays']:,}")
@@ -132,15 +134,15 @@ class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
                 _draw_pair(column, name, f"{report['seconds'][phase]:.2f} s")
         for warning in report["warnings"][:_SHOWN_WARNINGS]:
             _draw_text(self.layout, context, warning, "ERROR")
+        self.layout.operator("fmm_radiosity.show_report", icon="TEXT")
+        self.layout.operator("fmm_radiosity.study", icon="GRAPH")
+
+    def _draw_map(self, context: bpy.types.Context) -> None:
         shown = error_map.shown(context.scene, context.view_layer)
         text = "Hide Error Map" if shown else "Error Map"
         self.layout.operator("fmm_radiosity.error_map", text=text, icon="COLOR", depress=shown)
         if shown and session.map_top is not None:
-            _draw_pair(
-                self.layout.column(align=True), "Yellow", translated("{:s} or more").format(percent(session.map_top))
-            )
-        self.layout.operator("fmm_radiosity.show_report", icon="TEXT")
-        self.layout.operator("fmm_radiosity.study", icon="GRAPH")
+            _draw_pair(self.layout.column(), "Yellow", translated("{:s} or more").format(percent(session.map_top)))
 
 
 class FMM_RADIOSITY_PT_effects(_InSidebar, bpy.types.Panel):

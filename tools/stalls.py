@@ -23,8 +23,8 @@ class Stalls:
     """Seconds since `forget` that the longest call of the extension by Blender took, by its name; that the interpreter
     was kept from a thread that does nothing; and that passed between two turns of the main loop, drawing included.
 
-    The first two are the extension's doing. How long the window takes to be drawn depends on the graphics card, and on
-    whether anything else has the processor.
+    The first two are the extension's doing, less the time that other programs had the processor, where the system
+    tells. How long the window takes to be drawn depends on the graphics card.
     """
 
     def __init__(self) -> None:
@@ -62,11 +62,12 @@ class Stalls:
 
     def _timed(self, name: str, function: Callable) -> Callable:
         def timed(*arguments: object) -> object:
-            start = time.perf_counter()
+            start, waited = time.perf_counter(), _waited()
             try:
                 return function(*arguments)
             finally:
-                self.calls[name] = max(self.calls.get(name, 0.0), time.perf_counter() - start)
+                took = time.perf_counter() - start - (_waited() - waited)
+                self.calls[name] = max(self.calls.get(name, 0.0), took)
 
         # Blender gives a function as many arguments as its code names.
         counted = {1: lambda a: timed(a), 2: lambda a, b: timed(a, b), 3: lambda a, b, c: timed(a, b, c)}
