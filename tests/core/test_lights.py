@@ -188,6 +188,19 @@ def test_a_lamp_outside_of_a_convex_room_is_shut_out():
     assert solve(room, 0.5, sky=Sky(1.0)).irradiance(*shapes.random_points(room, 2)).max() == 0.0
 
 
+@pytest.mark.parametrize("gap", [0.0, 1e-5])
+def test_a_lamp_in_the_plane_of_a_ceiling_shines_far_and_along_it(gap):
+    wide = np.concatenate([shapes.room() * [10, 10, 1], 0.05 * shapes.sphere(1.0, 1) + [9.7, 0.3, 0.2]])
+    lamp = AreaLight((2.0, 5.0, 1.0 - gap), (0.5, 0, 0), (0, -0.5, 0), 5.0)
+    floor, wall = [[x, 5.0, 0.0] for x in (2, 3, 4, 5, 7, 9.9)], [[10.0, 5.0, z] for z in (0.1, 0.9, 0.99, 0.999)]
+    points, normals = np.array(floor + wall), np.repeat([[0, 0, 1.0], [-1.0, 0, 0]], [6, 4], axis=0)
+    scene = fmm_core.Scene(wide, 0.0, lights=[lamp])
+    solution = fmm_core.solve(scene, fmm_core.Settings(probes=0, particles=100))
+    assert solution.report["effects"]["occlusion"]["used"]
+    expected = lamp.unshadowed(points, normals)[:, None] * lamp.colour
+    assert solution.irradiance(points, normals) == pytest.approx(expected, rel=1e-3)
+
+
 @pytest.mark.parametrize("method", ["direct", "fmm"])
 @pytest.mark.parametrize("lamp", [LAMPS[0], LAMPS[2], LAMPS[7]], ids=name)
 def test_no_light_is_lost_or_made_in_a_closed_room(lamp, method):

@@ -311,14 +311,16 @@ class Occlusion:
         origins = self._lifted(points, normals).astype(np.float32)
         # All ends beyond the scene are as good, and single precision does not reach far.
         reach = np.clip(distances / self._scale - END, 0.0, OUTSIDE)
-        directions = (directions * reach[:, None]).astype(np.float32)
+        # The lift of the start must not lift the end, which may lie on a surface: rays along it would end behind.
+        ends = (points - self._centre) / self._scale + directions * reach[:, None]
+        directions = (ends - origins).astype(np.float32)
         tracer = self._shade or self._scene
         if len(self.shading.triangles) == 0:
             return np.ones(len(origins))
         if self.shading.opacity is None or len(origins) == 0:
             return 1.0 - self._occluded(origins, directions, tracer)
-        ends = np.ones(len(origins), np.float32)
-        return _on_grid(tracer.run(origins, directions, dists=ends, query="TRANSMITTED")).astype(np.float64)
+        whole = np.ones(len(origins), np.float32)
+        return _on_grid(tracer.run(origins, directions, dists=whole, query="TRANSMITTED")).astype(np.float64)
 
     def met(
         self,
