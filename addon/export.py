@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from fmm_core import Brdf, Error, Light, Opacity, Sky
+from fmm_core import Brdf, Error, Light, Opacity, Sky, Volume
 
 from . import lights, ray_flags
 from .meshes import Layers, Mesh, World, about, is_closed, read_mesh, same_topology, triangle_centres, with_area
@@ -21,7 +21,7 @@ from .ray_flags import Seen
 from .sampling import Painted, Painter, Slots, paint
 from .shapes import Shape, two_sided
 from .tables import Tables
-from .volumes import read_volume
+from .volumes import read_volume, volume_of
 from .world import read_world
 
 if TYPE_CHECKING:
@@ -63,6 +63,7 @@ class SceneArrays:
     emission (C,3) W/m^2, and gloss (C, materials.GLOSS) where there is an eye. corner_triangles (R,3) are the corners
     of each triangle that the receivers are drawn with.
     lights: the lamps; sky: what the world sends, or None; medium (3,) 1/m: what it absorbs of light on its way;
+    volumes: meshes that absorb light inside;
     eye (4,): where the camera is, homogeneous, or None; tables: those of measured materials; shade: as `fmm_core.Scene`
     has it.
     """
@@ -83,6 +84,7 @@ class SceneArrays:
     lights: tuple[Light, ...]
     sky: Sky | None
     medium: np.ndarray
+    volumes: tuple[Volume, ...]
     receivers: tuple[Receiver, ...]
     warnings: tuple[str, ...]
     eye: np.ndarray | None = None
@@ -166,6 +168,7 @@ class Reading:
     shaded: bool = False
     shapes: list[Shape] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
+    volumes: list[Volume] = field(default_factory=list)
     meshes: int = 0
     corner_count: int = 0
     vertex_count: int = 0
@@ -223,12 +226,14 @@ class Reading:
         coats, remarks = self.painter.coats(slots, materials)
         for material, text in remarks:
             self.remark(f"material '{material.name}' on object {_OBJECTS}: {text}", name)
+        absorption = [read_volume(materials[coat.slot])[0] for coat in coats]
         offsets = self.add_receiver(instance, mesh) if self.is_receiver(instance, mesh) else None
 
         def finish() -> None:
             painted = paint(slots, coats, self.eye is not None)
             if any(seen):
                 self.add_faces(name, mesh, world, painted, seen)
+                self.add_volume(name, mesh, painted, absorption)
             if offsets is not None:
                 self.add_corners(mesh, world, painted, *offsets)
 
@@ -256,6 +261,18 @@ class Reading:
             self.cells[rays] += painted.opacity_cells if meets else [None] * len(painted.opacity)
         self.shaded |= seen.diffuse != seen.shadow
         self.shapes.append(Shape(world.position, len(painted.triangles), is_closed(mesh)))
+
+    def add_volume(self, name: str, mesh: Mesh, painted: Painted, absorption: list[np.ndarray]) -> None:
+        """Add what is inside an object, whose materials absorb so much, if light gets there."""
+        if not np.any(absorption) or painted.opacity.min(initial=1.0) == 1.0:
+            return
+        if (np.ptp(absorption, axis=0) > 0).any():
+            self.remark(f"object '{name}': its materials have several volumes, which are left out")
+            return
+        try:
+            self.volumes.append(volume_of(name, painted.triangles, absorption[0], is_closed(mesh)))
+        except Error as error:
+            self.remark(str(error))
 
     def is_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: Mesh) -> bool:
         """Whether the mesh of this object can take colours and has not been taken yet; says why not."""
@@ -352,8 +369,8 @@ class Reading:
         if not self.shaded:
             del arrays["shade"]
         return SceneArrays(
-            **arrays, lights=tuple(self.lights), sky=sky, medium=self.medium, receivers=tuple(self.receivers),
-            warnings=warnings, eye=self.eye, tables=tuple(self.painter.tables.found),
+            **arrays, lights=tuple(self.lights), sky=sky, medium=self.medium, volumes=tuple(self.volumes),
+            receivers=tuple(self.receivers), warnings=warnings, eye=self.eye, tables=tuple(self.painter.tables.found),
         )  # fmt: skip
 
     def add_scene_remarks(self) -> None:

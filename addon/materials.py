@@ -17,7 +17,7 @@ from .node_readers import plain
 from .node_values import Points, Unreadable, Values
 from .tables import Tables
 from .textures import Image, MissingImage
-from .volumes import volume_node
+from .volumes import read_volume, volume_node, without_nodes
 
 if TYPE_CHECKING:
     import bpy
@@ -108,22 +108,21 @@ def read_material(
 
 def _of_shader(material: bpy.types.Material, points: Points, images: dict[bpy.types.Image, Image]) -> Surface:
     """What the nodes of a material do."""
-    if _without_nodes(material):
+    if without_nodes(material):
         colour = np.array([material.diffuse_color[:3]], float)
         colour = _checked(colour, material, "Base Color")
         return Surface(colour, BLACK, ALL, colour, _gloss(diffuse=colour))
     socket = _surface_socket(material.node_tree)
-    volume = volume_node(material, "ShaderNodeOutputMaterial")
+    volume, left_out = volume_node(material), read_volume(material)[1]
     if volume is not None and not (socket is not None and socket.is_linked):
-        text = f"its volume '{volume.name}' is not simulated: all light passes through it"
-        return Surface(GREY, BLACK, NONE, GREY, _gloss(diffuse=GREY), (text,))
+        return Surface(GREY, BLACK, NONE, GREY, _gloss(diffuse=GREY), tuple(left_out))
     if socket is None or not socket.is_linked:
         return Surface(
             GREY, BLACK, ALL, GREY, _gloss(diffuse=GREY), ("has no shader at its Surface output, grey 0.8 is used",)
         )
     shaders = _Shaders(material, Values(points, images))
-    if volume is not None:
-        shaders.remark(f"its volume '{volume.name}' is not simulated")
+    for text in left_out:
+        shaders.remark(text)
     closure = shaders.closure(socket)
     opacity = 1 - np.clip(closure.passes, 0, 1)
     glows = (closure.emission > 10 * TRACE * closure.emission.max()).any(axis=1)
@@ -333,10 +332,3 @@ def _surface_socket(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket | None:
     outputs = [node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial"]
     output = next((node for node in outputs if node.is_active_output), outputs[0] if outputs else None)
     return None if output is None else output.inputs["Surface"]
-
-
-def _without_nodes(datablock: bpy.types.Material) -> bool:
-    # From Blender 5.0 on every material has nodes, and asking for use_nodes is deprecated.
-    import bpy
-
-    return datablock.node_tree is None or (bpy.app.version < (5, 0, 0) and not datablock.use_nodes)

@@ -87,7 +87,7 @@ class FMM_RADIOSITY_settings(bpy.types.PropertyGroup):
             ("transparency", "Transparency", ""),
             ("two_sided", "Backs of Open Meshes", ""),
             ("glossy", "Gloss", ""),
-            ("medium", "Absorbing World", ""),
+            ("medium", "Absorption", ""),
         ),
         default=set(),
     )

@@ -182,6 +182,7 @@ def scene_of(arrays: export.SceneArrays) -> fmm_core.Scene:
         glossy=0 if arrays.eye is None else int(np.count_nonzero(arrays.corner_gloss[:, materials.SHINE])),
         shade=arrays.shade,
         medium=arrays.medium,
+        volumes=arrays.volumes,
     )
 
 

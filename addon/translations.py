@@ -12,7 +12,7 @@ GERMAN = {
     "About how many shadow rays each colour is found with. Four times as many take about three times as long and halve the grain": "Mit etwa so vielen Schattenstrahlen wird jede Farbe bestimmt. Viermal so viele dauern etwa dreimal so lang und halbieren das Korn",
     "A measured reflection in the format of the MERL database (.binary), which replaces how the shader reflects: its albedo in every bake, and its gloss where Camera View is on": "Eine gemessene Reflexion im Format der MERL-Datenbank (.binary). Sie ersetzt, wie der Shader reflektiert: seine Albedo bei jedem Backen, seinen Glanz bei eingeschalteter Kameraansicht",
     "About {:,d} vertices": "Etwa {:,d} Knoten",
-    "Absorbing World": "Absorbierende Welt",
+    "Absorption": "Absorption",
     "Add a node to the selected materials: base colour times baked light, to be connected after the last bake": "Fügt den ausgewählten Materialien einen Knoten hinzu: Grundfarbe mal gebackenes Licht, nach dem letzten Backen zu verbinden",
     "Add Light Node": "Lichtknoten hinzufügen",
     "Add Radiosity Preset": "Radiosity-Vorgabe hinzufügen",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What fills the space between the surfaces: the absorption of a world's volume."""
+"""What absorbs light on its way: the volume of the world, and of materials the inside of meshes."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     import bpy
 
 
-def read_volume(world: bpy.types.World | None) -> tuple[np.ndarray, list[str]]:
-    """Absorption (3,) in 1/m of a world's volume, and what of it is left out, in words.
+def read_volume(owner: bpy.types.World | bpy.types.Material | None) -> tuple[np.ndarray, list[str]]:
+    """Absorption (3,) in 1/m of the volume of a world or a material, and what of it is left out, in words.
 
-    Raises fmm_core.Error naming the world where a density or colour is none.
+    Raises fmm_core.Error naming the owner where a density or colour is none.
     """
-    node = volume_node(world, "ShaderNodeOutputWorld")
+    node = volume_node(owner)
     if node is None:
         return np.zeros(3), []
     if node.bl_idname not in _ABSORPTION:
@@ -27,15 +27,27 @@ def read_volume(world: bpy.types.World | None) -> tuple[np.ndarray, list[str]]:
         return np.zeros(3), [f"its volume '{node.name}' is not the same everywhere ({', '.join(linked)}): left out"]
     absorption, remarks = _ABSORPTION[node.bl_idname](node.inputs)
     if not (np.isfinite(absorption) & (absorption >= 0)).all():
-        raise fmm_core.Error(f"world '{world.name}': its volume absorbs {absorption.min():g} per metre")
+        kind = owner.bl_rna.identifier.lower()
+        raise fmm_core.Error(f"{kind} '{owner.name}': its volume absorbs {absorption.min():g} per metre")
     return absorption, remarks
 
 
-def volume_node(owner: bpy.types.World | bpy.types.Material | None, output: str) -> bpy.types.Node | None:
+def volume_of(name: str, triangles: np.ndarray, absorption: np.ndarray, closed: bool) -> fmm_core.Volume:
+    """What is inside an object's triangles (T,3,3), whichever way they face.
+
+    Raises fmm_core.Error naming the object where there is no inside.
+    """
+    size = (triangles[:, 0] * np.cross(triangles[:, 1], triangles[:, 2])).sum()
+    if not closed or size == 0:
+        raise fmm_core.Error(f"object '{name}': its mesh is not closed, its volume is left out")
+    return fmm_core.Volume(triangles if size > 0 else triangles[:, ::-1], absorption)
+
+
+def volume_node(owner: bpy.types.World | bpy.types.Material | None) -> bpy.types.Node | None:
     """The shader at the Volume output of a world or a material, or None."""
-    if owner is None or owner.node_tree is None:
+    if owner is None or without_nodes(owner):
         return None
-    nodes = [node for node in owner.node_tree.nodes if node.bl_idname == output and node.is_active_output]
+    nodes = [node for node in owner.node_tree.nodes if node.bl_idname in _OUTPUTS and node.is_active_output]
     links = nodes[0].inputs["Volume"].links if nodes else ()
     return links[0].from_node if links else None
 
@@ -58,6 +70,15 @@ def _of_principled(inputs: bpy.types.NodeInputs) -> tuple[np.ndarray, list[str]]
     return density * np.maximum(1 - colour, 0.0) * np.maximum(1 - kept, 0.0), remarks
 
 
+def without_nodes(owner: bpy.types.World | bpy.types.Material) -> bool:
+    """Whether the nodes of a world or a material, if any, do not count."""
+    # From Blender 5.0 on all have nodes, and asking for use_nodes is deprecated.
+    import bpy
+
+    return owner.node_tree is None or (bpy.app.version < (5, 0, 0) and not owner.use_nodes)
+
+
+_OUTPUTS = "ShaderNodeOutputWorld", "ShaderNodeOutputMaterial"
 #: Volumes that can be read.
 _ABSORPTION = {"ShaderNodeVolumeAbsorption": _of_absorption, "ShaderNodeVolumePrincipled": _of_principled}
 

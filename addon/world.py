@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import fmm_core
 import numpy as np
 
+from .volumes import without_nodes
+
 if TYPE_CHECKING:
     import bpy
 
@@ -45,9 +47,7 @@ def read_world(scene: bpy.types.Scene) -> tuple[fmm_core.Sky | None, list[str]]:
 
 def _constant(world: bpy.types.World) -> np.ndarray | None:
     """Radiance (3,) where that is the same all around, and plain to see."""
-    import bpy
-
-    if world.node_tree is None or (bpy.app.version < (5, 0, 0) and not world.use_nodes):
+    if without_nodes(world):
         return np.array(world.color[:], np.float64)
     outputs = [node for node in world.node_tree.nodes if node.bl_idname == "ShaderNodeOutputWorld"]
     output = next((node for node in outputs if node.is_active_output), None)

@@ -5,7 +5,7 @@ import fmm_core
 import numpy as np
 import pytest
 import shapes
-from fmm_core import AreaLight, PointLight, Sky, SunLight
+from fmm_core import AreaLight, PointLight, Sky, SunLight, Volume
 from fmm_core.effects import plan
 from test_visibility import ALBEDO, EMISSION, TWO_BLOCKS
 
@@ -125,5 +125,110 @@ def test_what_is_no_medium_is_refused(medium, why):
 
 def test_cells_are_refused():
     scene = fmm_core.Scene(TWO_BLOCKS, 0.5, EMISSION, medium=0.1)
-    with pytest.raises(fmm_core.Error, match="'cells' cannot be used in a medium"):
+    with pytest.raises(fmm_core.Error, match="'cells' cannot be used where something absorbs"):
         fmm_core.solve(scene, fmm_core.Settings(method="fmm", visibility="cells"))
+
+
+def cuboid(low, high):
+    """A closed box seen from outside."""
+    return shapes.room()[:, ::-1] * (np.array(high) - low) + low
+
+
+def test_a_mesh_around_everything_is_a_world_full_of_it():
+    points = shapes.random_points(TWO_BLOCKS, 4)
+    around = [Volume(cuboid([-1.0, -1, -1], [2.0, 2, 2]), MEDIUM)]
+    for method in METHODS:
+        inside, world = (
+            solve(TWO_BLOCKS, ALBEDO, EMISSION, method, particles=800, **absorbing).irradiance(*points)
+            for absorbing in ({"medium": 0.0, "volumes": around}, {"medium": MEDIUM})
+        )
+        assert inside == pytest.approx(world, rel=1e-6, abs=1e-9)
+
+
+FLOOR = shapes.quad([-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0])
+#: A plate of 0.3 m above the floor, that ends at x = 0.5.
+PLATE = Volume(cuboid([-90.0, -90, 0.4], [0.5, 90, 0.7]), MEDIUM)
+
+
+@pytest.mark.parametrize("lamp", [PointLight((0.2, 0.1, 2.0), 5.0), SunLight((0.3, 0.2, -1.0), 1.0)])
+def test_only_the_part_of_a_way_that_is_inside_counts(lamp):
+    points = np.array([[-0.7, -0.4, 0.0], [0, 0, 0], [0.95, 0.9, 0.0]]), np.tile([0, 0, 1.0], (3, 1))
+    found, clear = (
+        solve(FLOOR, 0.5, lights=[lamp], medium=0.0, volumes=volumes).irradiance(*points) for volumes in ([PLATE], [])
+    )
+    ways = -np.array(lamp.direction) if isinstance(lamp, SunLight) else lamp.position - points[0]
+    inside = np.broadcast_to(0.3 * np.linalg.norm(ways, axis=-1) / ways[..., 2], 3) * [1, 1, 0]
+    assert found == pytest.approx(clear * np.exp(-np.outer(inside, MEDIUM)), rel=1e-6)
+
+
+def test_the_sky_above_a_plate_is_an_exponential_integral():
+    """2 E3(t) of its light is left (Siegel and Howell, Thermal Radiation Heat Transfer, appendix D)."""
+    wide = Volume(cuboid([-900.0, -900, 0.4], [900, 900, 0.7]), MEDIUM)
+    solution = solve(FLOOR, 0.5, sky=Sky(1.0), rays=500, medium=0.0, volumes=[wide])
+    found = solution.irradiance([[0, 0, 0.0]], [[0, 0, 1.0]])
+    mu = (np.arange(100_000) + 0.5) / 100_000
+    left = [2 * np.mean(mu * np.exp(-0.3 * sigma / mu)) for sigma in MEDIUM]
+    assert found[0] == pytest.approx(np.pi * np.array(left), rel=3e-3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_light_between_surfaces_loses_what_is_taken_inside(method):
+    near = 0.02 * (shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]) - [0.5, 0.5, 0])
+    triangles = np.concatenate([near, near[:, ::-1] + [0.3, 0.0, 1.2]])
+    found, clear = (
+        solve(triangles, 0.0, [0, 0, 1.0, 1.0], method, particles=64, medium=0.0, volumes=volumes).irradiance(
+            np.zeros((1, 3)), [[0, 0, 1.0]]
+        )
+        for volumes in ([PLATE], [])
+    )
+    assert found == pytest.approx(clear * np.exp(-MEDIUM * 0.3 * np.hypot(0.3, 1.2) / 1.2), rel=1e-3)
+
+
+def test_bounces_through_a_mesh_are_those_of_the_direct_method(points):
+    ball, slab = 0.25 * shapes.sphere(1.0, 1) + [0.5, 0.5, 0.75], cuboid([0.0] * 3, [0.2, 1, 1])
+    volumes, some = [Volume(ball, 4.0), Volume(slab, 1.0)], [rows[::3] for rows in points]
+    exact, found, clear = (
+        solve(TWO_BLOCKS, ALBEDO, EMISSION, method, particles=1000, medium=0.0, volumes=inside).irradiance(*some)
+        for method, inside in (("direct", volumes), ("fmm", volumes), ("fmm", []))
+    )
+    assert np.linalg.norm(found - exact) < 0.02 * np.linalg.norm(exact)
+    assert np.linalg.norm(clear - exact) > 0.3 * np.linalg.norm(exact)
+
+
+def test_light_that_passes_no_mesh_is_still_expanded():
+    room, emission = shapes.room(), np.where(np.arange(12) < 2, 1.0, 0.0)
+    points = shapes.random_points(room, 4)
+    corner, all_of_it = Volume(cuboid([0.0] * 3, [0.05] * 3), 1.0), Volume(cuboid([-1.0] * 3, [2.0] * 3), 1.0)
+    few, many, none = (
+        solve(room, 0.5, emission, "fmm", particles=6000, medium=0.0, volumes=volumes)
+        for volumes in ([corner], [all_of_it], [])
+    )
+    assert few.irradiance(*points) == pytest.approx(none.irradiance(*points), rel=0.03)
+    assert few.report["postponement"] < 0.3
+    assert many.report["counts"]["pairs_valid"] == 0
+    assert few.report["counts"]["rays"] < many.report["counts"]["rays"]
+
+
+def test_a_solution_serves_the_same_meshes_only():
+    scene = fmm_core.Scene(FLOOR, 0.5, sky=Sky(1.0), volumes=[PLATE])
+    solution = fmm_core.solve(scene, fmm_core.Settings(particles=64, probes=0))
+    assert solution.serves(fmm_core.Scene(FLOOR, 0.4, sky=Sky(2.0), volumes=[PLATE]))
+    assert not solution.serves(fmm_core.Scene(FLOOR, 0.5, sky=Sky(1.0), volumes=[PLATE.moved(0.1)]))
+    assert not solution.serves(fmm_core.Scene(FLOOR, 0.5, sky=Sky(1.0)))
+    assert solution.report["effects"]["medium"]["why"] == "light is absorbed inside 1 mesh"
+    nothing = fmm_core.Scene(FLOOR, 0.5, sky=Sky(1.0), volumes=[Volume(PLATE.triangles, 0.0)])
+    assert not plan(nothing, solution.settings)["medium"].used
+
+
+@pytest.mark.parametrize(
+    ("triangles", "absorption", "why"),
+    [
+        (PLATE.triangles[:, ::-1], 1.0, "closed mesh seen from outside"),
+        (np.full((4, 3, 3), np.nan), 1.0, "finite triangles"),
+        (np.zeros((4, 3)), 1.0, "expected finite triangles of shape"),
+        (PLATE.triangles, -1.0, "absorbs -1 per metre"),
+    ],
+)
+def test_what_is_no_volume_is_refused(triangles, absorption, why):
+    with pytest.raises(fmm_core.Error, match=why):
+        Volume(triangles, absorption)

@@ -182,6 +182,22 @@ def fog():
     world.node_tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
 
 
+def jelly():
+    """A floor under a lamp and a block that lets all light in, and absorbs it inside."""
+    floor(8, 1.8)
+    material = build.material("Jelly")
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    volume, output = nodes.new("ShaderNodeVolumeAbsorption"), nodes.new("ShaderNodeOutputMaterial")
+    volume.inputs["Color"].default_value, volume.inputs["Density"].default_value = (0.9, 0.5, 0.2, 1.0), 2.0
+    material.node_tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
+    block = build.cube("Block", material, size=0.8)
+    block.location, block.rotation_euler = (0.2, 0.1, 0.7), (0.2, 0.3, 0.4)
+    wall = build.object("Wall", [(-0.95, -1, 0.02), (-0.95, 1, 0.02), (-0.95, 1, 2), (-0.95, -1, 2)], [(0, 1, 2, 3)])
+    wall.data.materials.append(build.material("Paint", Color=(0.8, 0.8, 0.8)))
+    lamp_above()
+
+
 #: What is made, what is compared, and settings by which shadows are finer than a percent.
 PAIRS, RAYS = {"method": "direct", "particles": 4000}, {"method": "fmm", "particles": 6000, "rays": 2000}
 SCENES = {
@@ -194,6 +210,7 @@ SCENES = {
     "ball": (round_shape, "LIGHTING", {}),
     "fog": (fog, "LIGHTING", {}),
     "fog by rays": (fog, "LIGHTING", RAYS),
+    "jelly": (jelly, "LIGHTING", RAYS),
     # Ours would see a little of the floor that they stand on.
     "bent normals": (bent_normals, "LIGHTING", {"effects": {"interreflection": False}}),
 }

@@ -2,7 +2,7 @@
 //! The direct sum, near patches and rays.
 
 use crate::arrays::{Channels, channels, flat, table, triangles, triples, value_error, vector};
-use fmm::medium::Medium;
+use crate::medium::Medium;
 use fmm::near_field::{Patches, PointSources, Seen};
 use fmm::rays::{FacingRays, Frame, Oriented};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1};
@@ -20,26 +20,28 @@ pub struct Sources {
     softening: Vec<f64>,
     areas: Vec<f64>,
     points_per_patch: usize,
-    medium: Medium,
+    medium: fmm::medium::Medium,
 }
 
 #[pymethods]
 impl Sources {
     #[new]
-    #[pyo3(signature = (positions, normals, softening, areas, points_per_patch, absorption=[0.0; 3]))]
+    #[pyo3(signature = (positions, normals, softening, areas, points_per_patch, medium=None))]
     fn new(
         positions: Points,
         normals: Points,
         softening: PyReadonlyArray1<f64>,
         areas: PyReadonlyArray1<f64>,
         points_per_patch: usize,
-        absorption: [f64; 3],
+        medium: Option<&Medium>,
     ) -> PyResult<Self> {
-        let medium = Medium::new(absorption).map_err(value_error)?;
+        let medium = medium.map_or_else(fmm::medium::Medium::default, |medium| medium.medium.clone());
         let (positions, normals) = (triples(&positions, "positions")?, triples(&normals, "normals")?);
         let softening = flat(&softening)?;
         Ok(Sources {
-            sources: fmm::direct::Sources::new(positions, normals, softening).map_err(value_error)?.within(medium),
+            sources: fmm::direct::Sources::new(positions, normals, softening)
+                .map_err(value_error)?
+                .within(medium.clone()),
             positions: positions.to_vec(),
             normals: normals.to_vec(),
             softening: softening.to_vec(),
@@ -88,7 +90,8 @@ impl Sources {
         visible: Option<&[u64]>,
         clear: bool,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let cleared = (clear && !self.medium.is_clear()).then(|| self.sources.clone().within(Medium::default()));
+        let cleared =
+            (clear && !self.medium.is_clear()).then(|| self.sources.clone().within(fmm::medium::Medium::default()));
         let sources = cleared.as_ref().unwrap_or(&self.sources);
         table(py, py.detach(|| sources.irradiance(points, normals, strengths, visible)).map_err(value_error)?)
     }
@@ -174,7 +177,7 @@ impl Correction {
             softening: &sources.softening,
             points_per_patch: sources.points_per_patch,
             areas: &sources.areas,
-            medium: sources.medium,
+            medium: &sources.medium,
         };
         let build = || fmm::near_field::Correction::new(&near.near, points, normals, &of, fractions, seen);
         Ok(Correction { correction: py.detach(build).map_err(value_error)? })

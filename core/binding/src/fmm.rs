@@ -3,13 +3,13 @@
 
 use crate::arrays::{Channels, channels, flat, table, triangles, triples, value_error, vector};
 use crate::direct::NearField;
+use crate::medium::Medium;
 use ::fmm::cells::Cells;
 use ::fmm::driver;
 use ::fmm::driver_visibility::Occluded;
 use ::fmm::expansion::{Compressed, Expansion, Paper, Whole};
 use ::fmm::gather::Met;
 use ::fmm::lists::ListsOptions;
-use ::fmm::medium::Medium;
 use ::fmm::near_field::Patches;
 use ::fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
 use ::fmm::rays::Frame;
@@ -44,7 +44,7 @@ impl Fmm {
     #[new]
     #[pyo3(signature = (
         sources, softening, targets, truncation, grouping, level, separation, expansion, share=1.0, emitters=None,
-        scene=None, absorption=[0.0; 3]
+        scene=None, medium=None
     ))]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -60,9 +60,9 @@ impl Fmm {
         share: f64,
         emitters: Option<PyReadonlyArray1<bool>>,
         scene: Option<PyReadonlyArray3<f64>>,
-        absorption: [f64; 3],
+        medium: Option<&Medium>,
     ) -> PyResult<Self> {
-        let medium = Medium::new(absorption).map_err(value_error)?;
+        let medium = medium.map_or_else(::fmm::medium::Medium::default, |medium| medium.medium.clone());
         let grouping = level.map_or(Grouping::Adaptive { points: grouping }, |level| Grouping::Uniform { level });
         let options = OctreeOptions { grouping, by_normal: true };
         let (y, n_y) = (triples(&sources.0, "source points")?, triples(&sources.1, "source normals")?);
@@ -88,7 +88,7 @@ impl Fmm {
                 direct_points: (share * driver::direct_points(expansion.multipole_len()) as f64) as usize,
                 direct_pairs: (share * share * driver::direct_pairs(expansion.multipole_len()) as f64) as usize,
             };
-            driver::Fmm::among(expansion, target_tree, source_tree, softening, lists, (among, medium))
+            driver::Fmm::among(expansion, target_tree, source_tree, softening, lists, (among, &medium))
         };
         Ok(Fmm { driver: py.detach(build).map_err(value_error)? })
     }
@@ -97,14 +97,13 @@ impl Fmm {
     /// nothing were absorbed.
     #[pyo3(signature = (strengths, clear=false))]
     fn apply<'py>(&self, py: Python<'py>, strengths: Points, clear: bool) -> PyResult<Timed<'py>> {
-        let medium = if clear { Medium::default() } else { self.driver.medium() };
         match channels(&strengths)? {
             Channels::One(q) => {
-                let (irradiance, seconds) = py.detach(|| self.driver.apply_within(q, medium)).map_err(value_error)?;
+                let (irradiance, seconds) = py.detach(|| self.driver.apply_through(q, clear)).map_err(value_error)?;
                 Ok((table(py, irradiance)?, seconds))
             }
             Channels::Three(q) => {
-                let (irradiance, seconds) = py.detach(|| self.driver.apply_within(q, medium)).map_err(value_error)?;
+                let (irradiance, seconds) = py.detach(|| self.driver.apply_through(q, clear)).map_err(value_error)?;
                 Ok((table(py, irradiance)?, seconds))
             }
         }

@@ -4,6 +4,7 @@
 mod arrays;
 mod direct;
 mod fmm;
+mod medium;
 
 use pyo3::prelude::*;
 
@@ -12,6 +13,7 @@ fn _binding(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<direct::Sources>()?;
     module.add_class::<direct::NearField>()?;
     module.add_class::<direct::Correction>()?;
+    module.add_class::<medium::Medium>()?;
     module.add_class::<fmm::Fmm>()?;
     module.add_class::<fmm::Surface>()?;
     module.add_function(wrap_pyfunction!(fmm::error_bound, module)?)?;

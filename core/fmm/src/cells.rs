@@ -84,6 +84,7 @@ impl Cells {
             margin: Vec::new(),
             blockers: Blockers::default(),
             medium: Medium::default(),
+            absorbing: Blockers::default(),
             ends: [Vec::new(), Vec::new()],
             targets,
             sources,

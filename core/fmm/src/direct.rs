@@ -4,7 +4,6 @@
 use crate::error::{Error, same_length};
 use crate::kernel;
 use crate::medium::Medium;
-use crate::vector::{norm, sub};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -205,7 +204,7 @@ impl Sources {
                 let (y, n_y) = (self.y.each_ref().map(|y| y[j]), self.n_y.each_ref().map(|n| n[j]));
                 let k = kernel(points[row], normals[row], y, n_y, self.softening[j]);
                 if k > 0.0 {
-                    let left = self.medium.left::<C>(norm(sub(points[row], y)));
+                    let left = self.medium.left::<C>(points[row], y);
                     (0..C).for_each(|c| out[c] += k * left[c] * strengths.0[c][j]);
                 }
             }
@@ -352,11 +351,11 @@ mod tests {
         let y: Vec<[f64; 3]> = (0..20).map(|i| [0.1 * i as f64, 0.3, 1.0 + 0.05 * i as f64]).collect();
         let (n_y, softening, q) = (vec![[0.0, 0.0, -1.0]; 20], vec![1e-9; 20], vec![[1.0, 2.0, 3.0]; 20]);
         let medium = Medium::new([0.0, 0.7, 3.0]).unwrap();
-        let direct = Sources::new(&y, &n_y, &softening).unwrap().within(medium);
+        let direct = Sources::new(&y, &n_y, &softening).unwrap().within(medium.clone());
         let found = direct.irradiance(&[x], &[n_x], &q, Some(&[0b1011])).unwrap()[0];
         for c in 0..3 {
             let term = |j: usize| {
-                let left: [f64; 3] = medium.left(norm(sub(x, y[j])));
+                let left: [f64; 3] = medium.left(x, y[j]);
                 kernel(x, n_x, y[j], n_y[j], 1e-9) * q[j][c] * left[c]
             };
             let exact = term(0) + term(1) + term(3);

@@ -71,7 +71,7 @@ impl Fmm {
         softening: &[f64],
         options: ListsOptions,
     ) -> Result<Self, Error> {
-        Self::among(expansion, targets, sources, softening, options, (&[], Medium::default()))
+        Self::among(expansion, targets, sources, softening, options, (&[], &Medium::default()))
     }
 
     /// The same among triangles (T, 3, 3) in a medium. Where any of them can be between points of the octrees, or the medium
@@ -82,7 +82,7 @@ impl Fmm {
         sources: impl Into<Arc<Octree>>,
         softening: &[f64],
         options: ListsOptions,
-        (triangles, medium): (&[[[f64; 3]; 3]], Medium),
+        (triangles, medium): (&[[[f64; 3]; 3]], &Medium),
     ) -> Result<Self, Error> {
         let (targets, sources) = (targets.into(), sources.into());
         same_length("source softening", sources.n_points(), softening.len())?;
@@ -109,7 +109,7 @@ impl Fmm {
             links: Links::default(),
             gather: Gather::default(),
             blockers,
-            medium,
+            medium: medium.clone(),
             rounds: None,
             cells: None,
             outcomes: None,
@@ -129,14 +129,14 @@ impl Fmm {
     where
         dyn Expansion: InColours<C>,
     {
-        self.apply_within(strengths, self.medium)
+        self.apply_through(strengths, false)
     }
 
-    /// The same with another medium: what the visible lists leave to rays is not told by whether light is absorbed.
-    pub fn apply_within<const C: usize>(
+    /// The same; `clear` as if nothing were absorbed.
+    pub fn apply_through<const C: usize>(
         &self,
         strengths: &[[f64; C]],
-        medium: Medium,
+        clear: bool,
     ) -> Result<(Vec<[f64; C]>, Seconds), Error>
     where
         dyn Expansion: InColours<C>,
@@ -152,7 +152,7 @@ impl Fmm {
             points: &self.points,
             links: &self.links,
             gather: &self.gather,
-            medium,
+            medium: (!clear && !self.medium.is_clear()).then_some(&self.medium),
         };
         let (irradiance, seconds) = run(&passes, &self.sources.in_tree_order(strengths))?;
         Ok((self.targets.in_scene_order(&irradiance), seconds))
@@ -185,11 +185,6 @@ impl Fmm {
             ("hits", self.gather.count()),
             ("postponed", self.lists.facing_counts.postponed as usize),
         ]
-    }
-
-    /// What fills the space between the points.
-    pub fn medium(&self) -> Medium {
-        self.medium
     }
 
     /// The octree of the receivers.

@@ -9,7 +9,7 @@ use crate::links::{Links, Weights};
 use crate::near_field::{NearField, Patches};
 use crate::octree::Octree;
 use crate::rays::Frame;
-use crate::shaft::End;
+use crate::shaft::{Blockers, End};
 use crate::surface::Surface;
 use crate::visibility::{Outcomes, Rays, View, Visibility, VisibilityOptions};
 use rayon::prelude::*;
@@ -78,7 +78,8 @@ impl Fmm {
             coarse: largest(scene.coarse),
             margin: largest(scene.radii),
             blockers: std::mem::take(&mut self.blockers),
-            medium: self.medium,
+            medium: self.medium.clone(),
+            absorbing: Blockers::new(&self.medium.bounds(), [&self.targets, &self.sources]),
             ends: [ends(&self.targets), ends(&self.sources)],
         };
         let mut visibility = Visibility::generate(&view, options);
@@ -152,7 +153,7 @@ impl Fmm {
     /// Takes what the rays of [`Fmm::gather_rays`] met.
     pub fn take_hits(&self, surface: &Surface, leaves: Range<usize>, met: &Met) -> Result<(), Error> {
         let leaves = leaves.start..leaves.end.min(self.gather.leaves.len());
-        self.gather.take((&self.targets, &self.sources), self.medium, surface, leaves, met)
+        self.gather.take((&self.targets, &self.sources), &self.medium, surface, leaves, met)
     }
 
     /// Which sources of near patches the sum has; `near` is of the targets of this sum, in scene order.

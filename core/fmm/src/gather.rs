@@ -9,7 +9,7 @@
 use crate::blend::{self, Blend};
 use crate::directions::{Cube, Mask, cell, cosine_direction, tangents};
 use crate::error::{Error, same_length};
-use crate::medium::Medium;
+use crate::medium::{Medium, kept};
 use crate::octree::Octree;
 use crate::rays::Frame;
 use crate::surface::Surface;
@@ -51,8 +51,8 @@ struct Hits {
     starts: Vec<u32>,
     /// Tree order.
     sources: Vec<u32>,
-    /// How far away each was met; none where the medium is clear.
-    distances: Vec<f32>,
+    /// What is left of the light of each; none where the medium is clear.
+    left: Vec<[f32; 3]>,
     blend: Blend,
 }
 
@@ -157,7 +157,7 @@ impl Gather {
     pub fn take(
         &self,
         trees: (&Octree, &Octree),
-        medium: Medium,
+        medium: &Medium,
         surface: &Surface,
         leaves: Range<usize>,
         met: &Met,
@@ -174,12 +174,12 @@ impl Gather {
             for i in points.clone() {
                 lengths.clear();
                 while ray < met.points.len() && met.points[ray] as usize == i {
-                    let length = |y| norm(sub(y, targets.positions[i]));
-                    let length = met.place(ray, surface).map_or(f64::INFINITY, length);
-                    lengths.push(length);
+                    let (x, place) = (targets.positions[i], met.place(ray, surface));
+                    lengths.push(place.map_or(f64::INFINITY, |y| norm(sub(y, x))));
                     if let Some(j) = met.source(ray, surface, sources).filter(|&j| open.counts(j)) {
                         hits.sources.push(j);
-                        hits.distances.extend((!medium.is_clear()).then_some(length as f32));
+                        let place = place.filter(|_| !medium.is_clear());
+                        hits.left.extend(place.map(|y| medium.left(x, y).map(|left: f64| left as f32)));
                     }
                     ray += 1;
                 }
@@ -201,23 +201,16 @@ impl Gather {
         q.iter().zip(&self.weights).map(|(q, w)| q.map(|q| q / w)).collect()
     }
 
-    /// Adds what arrives at the points of a target leaf through a medium, from the radiosity of the sources.
-    pub fn add<const C: usize>(
-        &self,
-        leaf: usize,
-        radiosity: &[[f64; C]],
-        medium: Medium,
-        irradiance: &mut [[f64; C]],
-    ) {
+    /// Adds what arrives at the points of a target leaf from the radiosity of the sources; `clear` as if nothing were
+    /// absorbed.
+    pub fn add<const C: usize>(&self, leaf: usize, radiosity: &[[f64; C]], clear: bool, irradiance: &mut [[f64; C]]) {
         let Some(hits) = self.of(leaf).and_then(|open| open.hits.get()) else { return };
         let share = 1.0 / self.density as f64;
+        let left: &[[f32; 3]] = if clear { &[] } else { &hits.left };
         let own = |ends: &[u32]| {
             let mut sum = [0.0; C];
             for ray in ends[0] as usize..ends[1] as usize {
-                let b = radiosity[hits.sources[ray] as usize];
-                // Distances are there where there is a medium.
-                let distance = hits.distances.get(ray).filter(|_| !medium.is_clear());
-                let left = distance.map_or([1.0; C], |&distance| medium.left(f64::from(distance)));
+                let (b, left) = (radiosity[hits.sources[ray] as usize], kept::<C>(left, ray));
                 (0..C).for_each(|c| sum[c] += left[c] * b[c]);
             }
             sum.map(|sum| share * sum)

@@ -11,6 +11,7 @@ use crate::octree::Octree;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Neighbouring source points that one ray decides about.
@@ -159,6 +160,8 @@ pub struct LeafLinks {
     /// Bits in a row.
     width: usize,
     first_word: usize,
+    /// (points, width) what is left of the light of parts that are seen, none of others; found when it is first needed.
+    left: OnceLock<Vec<[f32; 3]>>,
 }
 
 /// The links of all leaves, with their bits.
@@ -189,7 +192,7 @@ impl Links {
                 width += runs.runs[run as usize].parts.len();
             }
             let runs = row.iter().map(|pair| pair.1).collect();
-            leaves.push(LeafLinks { leaf, runs, columns, width, first_word: words });
+            leaves.push(LeafLinks { leaf, runs, columns, width, first_word: words, left: OnceLock::new() });
             words += targets.count(leaf as usize) * width.div_ceil(64);
         }
         let bits = (0..words).map(|_| AtomicU64::new(u64::MAX)).collect();
@@ -267,29 +270,62 @@ impl Links {
         self.runs.strengths(q)
     }
 
-    /// Adds what arrives at the points of one target leaf through a medium, from the strengths of the parts.
+    /// Adds what arrives at the points of one target leaf from the strengths of the parts, through a medium if any absorbs.
     pub fn add<const C: usize>(
         &self,
         targets: &Octree,
         leaf: usize,
         strengths: &[[f64; C]],
-        medium: Medium,
+        medium: Option<&Medium>,
         irradiance: &mut [[f64; C]],
     ) {
         let Some(&place) = self.places.get(&(leaf as u32)) else { return };
         let links = &self.leaves[place];
+        if let Some(medium) = medium {
+            return self.add_absorbed(targets, links, strengths, medium, irradiance);
+        }
         let parts = || links.runs.iter().flat_map(|&run| self.runs.runs[run as usize].parts.clone());
         let softening: Vec<f64> = parts().map(|part| self.runs.softening[part as usize]).collect();
         let vectors = |rows: &[[f64; 3]]| parts().map(|part| rows[part as usize]).collect::<Vec<_>>();
         let (positions, normals) = (vectors(&self.runs.positions), vectors(&self.runs.normals));
         let strengths: Vec<[f64; C]> = parts().map(|part| strengths[part as usize]).collect();
         let Ok(sources) = Sources::new(&positions, &normals, &softening) else { return };
-        let sources = sources.within(medium);
         let points = targets.points_of(leaf);
         let words = links.first_word..links.first_word + points.len() * sources.words();
         let bits: Vec<u64> = self.bits[words].iter().map(|word| word.load(Ordering::Relaxed)).collect();
         let (x, n_x) = (&targets.positions[points.clone()], &targets.normals[points]);
         sources.add_visible(x, n_x, &sources.strengths(&strengths), &bits, irradiance);
+    }
+
+    fn add_absorbed<const C: usize>(
+        &self,
+        targets: &Octree,
+        links: &LeafLinks,
+        strengths: &[[f64; C]],
+        medium: &Medium,
+        irradiance: &mut [[f64; C]],
+    ) {
+        let runs = &self.runs;
+        let parts: Vec<usize> = links.runs.iter().flat_map(|&run| to_usize(&runs.runs[run as usize].parts)).collect();
+        let points = targets.points_of(links.leaf as usize);
+        let left = links.left.get_or_init(|| {
+            let left = |row: usize, column: usize| {
+                let seen = self.is_set(self.bit(links, row, column as u32));
+                let left = || medium.left(targets.positions[points.start + row], runs.positions[parts[column]]);
+                if seen { left().map(|left: f64| left as f32) } else { [0.0; 3] }
+            };
+            (0..points.len())
+                .flat_map(|row| (0..parts.len()).map(move |column| (row, column)))
+                .map(|(row, column)| left(row, column))
+                .collect()
+        });
+        for ((i, left), out) in points.zip(left.chunks(links.width)).zip(irradiance) {
+            let (x, n_x) = (targets.positions[i], targets.normals[i]);
+            for (&part, left) in parts.iter().zip(left).filter(|(_, left)| **left != [0.0; 3]) {
+                let k = kernel(x, n_x, runs.positions[part], runs.normals[part], runs.softening[part]);
+                (0..C).for_each(|c| out[c] += k * f64::from(left[c]) * strengths[part][c]);
+            }
+        }
     }
 
     /// Adds to what each source (N,) sends for one unit of strength, what it sends to points of areas (M,), tree order.

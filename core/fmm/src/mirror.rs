@@ -8,7 +8,6 @@ use crate::error::{Error, same_length};
 use crate::gather::Gather;
 use crate::links::Links;
 use crate::lists::{Lists, Rows};
-use crate::medium::Medium;
 use crate::passes::Passes;
 
 impl Fmm {
@@ -32,7 +31,7 @@ impl Fmm {
             points: &points,
             links: &links,
             gather: &gather,
-            medium: Medium::default(),
+            medium: None,
         };
         let areas: Vec<[f64; 1]> = areas.iter().map(|&area| [area]).collect();
         let areas = tree.in_tree_order(&areas);

@@ -4,8 +4,7 @@
 use crate::error::{Error, same_length};
 use crate::form_factor::{Clipped, faces};
 use crate::kernel;
-use crate::medium::Medium;
-use crate::vector::{norm, sub};
+use crate::medium::{Medium, kept};
 use glam::DVec3;
 use rayon::prelude::*;
 use rstar::RTree;
@@ -110,10 +109,9 @@ pub struct Correction {
     starts: Vec<usize>,
     sources: Vec<u32>,
     values: Vec<f64>,
-    /// From the receiver to the source of each value; none where the medium is clear.
-    distances: Vec<f64>,
+    /// What is left of the light of each value; none where the medium is clear.
+    left: Vec<[f32; 3]>,
     count: usize,
-    medium: Medium,
 }
 
 /// The point sources as the correction sees them.
@@ -125,7 +123,7 @@ pub struct PointSources<'a> {
     pub points_per_patch: usize,
     /// (P) area of each patch.
     pub areas: &'a [f64],
-    pub medium: Medium,
+    pub medium: &'a Medium,
 }
 
 /// Which pairs of points the sum over the sources counts.
@@ -183,10 +181,11 @@ impl Correction {
                 row
             })
             .collect();
-        let distances = |i: usize| {
+        let left = |i: usize| {
             let of_entries = near.patches[near.starts[i]..near.starts[i + 1]].iter();
             let points_of = move |&q: &u32| q as usize * per_patch..(q as usize + 1) * per_patch;
-            of_entries.flat_map(points_of).map(move |j| norm(sub(points[i], sources.positions[j])))
+            let left = move |j: usize| sources.medium.left(points[i], sources.positions[j]);
+            of_entries.flat_map(points_of).map(move |j| left(j).map(|left: f64| left as f32))
         };
         let absorbing = if sources.medium.is_clear() { 0 } else { points.len() };
         let of_patch = |&q: &u32| (0..per_patch as u32).map(move |k| q * per_patch as u32 + k);
@@ -194,9 +193,8 @@ impl Correction {
             starts: near.starts.iter().map(|s| s * per_patch).collect(),
             sources: near.patches.iter().flat_map(of_patch).collect(),
             values: rows.concat(),
-            distances: (0..absorbing).flat_map(distances).collect(),
+            left: (0..absorbing).into_par_iter().flat_map_iter(left).collect(),
             count,
-            medium: sources.medium,
         })
     }
 
@@ -209,11 +207,11 @@ impl Correction {
     ) -> Result<(), Error> {
         same_length("strengths", self.count, strengths.len())?;
         same_length("irradiance", self.starts.len(), irradiance.len() + 1)?;
+        let left: &[[f32; 3]] = if clear { &[] } else { &self.left };
         irradiance.par_iter_mut().enumerate().for_each(|(i, out)| {
             for e in self.starts[i]..self.starts[i + 1] {
                 let q = strengths[self.sources[e] as usize];
-                let left =
-                    self.distances.get(e).filter(|_| !clear).map_or([1.0; C], |&distance| self.medium.left(distance));
+                let left = kept::<C>(left, e);
                 for colour in 0..C {
                     out[colour] += self.values[e] * left[colour] * q[colour];
                 }

@@ -27,7 +27,8 @@ pub struct Passes<'a, const C: usize> {
     pub points: &'a Sources,
     pub links: &'a Links,
     pub gather: &'a Gather,
-    pub medium: Medium,
+    /// None where nothing is absorbed.
+    pub medium: Option<&'a Medium>,
 }
 
 type Colours<const C: usize> = [[f64; C]];
@@ -210,7 +211,7 @@ where
             return;
         }
         let radiosity = self.gather.radiosity(q);
-        self.each_leaf(irradiance, |b, out| self.gather.add(b, &radiosity, self.medium, out));
+        self.each_leaf(irradiance, |b, out| self.gather.add(b, &radiosity, self.medium.is_none(), out));
     }
 
     /// Work on every leaf of the targets together with its part of the irradiance.

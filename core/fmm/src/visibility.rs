@@ -105,6 +105,8 @@ pub struct View {
     pub margin: Vec<f64>,
     pub blockers: Blockers,
     pub medium: Medium,
+    /// What ends the volumes that absorb.
+    pub absorbing: Blockers,
     /// The boxes of the targets and of the sources as ends of shafts.
     pub ends: [Vec<End>; 2],
 }
@@ -231,8 +233,19 @@ impl Visibility {
 
 impl View {
     fn is_clear(&self, t: usize, s: usize) -> bool {
-        // Expansions know no medium: what goes through one is found by rays.
-        self.medium.is_clear() && !self.is_coarse(t, s) && self.blockers.are_clear(&self.ends[0][t], &self.ends[1][s])
+        let (target, source) = (&self.ends[0][t], &self.ends[1][s]);
+        !self.is_coarse(t, s) && self.blockers.are_clear(target, source) && self.is_unabsorbed(t, s)
+    }
+
+    /// Whether no light is absorbed between two boxes: expansions know no medium, and what goes through one is left to rays.
+    fn is_unabsorbed(&self, t: usize, s: usize) -> bool {
+        let ends = || {
+            let [x, y] =
+                [(&self.targets, t), (&self.sources, s)].map(|(tree, b)| tree.positions[tree.points_of(b).start]);
+            // Nothing ends a volume between them, so that all of the ways are inside of it or none.
+            self.absorbing.are_clear(&self.ends[0][t], &self.ends[1][s]) && self.medium.left(x, y) == [1.0; 3]
+        };
+        self.medium.is_clear() || self.medium.is_bounded() && ends()
     }
 
     /// Whether points of a source box stand for too much surface to be summed at a target box.

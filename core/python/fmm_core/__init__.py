@@ -10,6 +10,7 @@ from .gloss import Gloss
 from .harmonics import irradiance_of, matched
 from .kept import KeptVisibility
 from .lights import AreaLight, Light, PointLight, SpotLight, SunLight
+from .medium import Volume
 from .moving import MovingVisibility
 from .opacity import Opacity
 from .scene import MAX_ALBEDO, Scene
@@ -42,6 +43,7 @@ __all__ = [
     "SpotLight",
     "SunLight",
     "VertexFit",
+    "Volume",
     "irradiance_of",
     "limit_threads",
     "matched",

@@ -4,6 +4,18 @@
 import numpy as np
 from numpy.typing import NDArray
 
+class Medium:
+    def __init__(
+        self,
+        absorption: tuple[float, float, float],
+        volumes: list[tuple[NDArray[np.float64], tuple[float, float, float]]],
+    ) -> None: ...
+    @property
+    def is_clear(self) -> bool: ...
+    def left(
+        self, points: NDArray[np.float64], directions: NDArray[np.float64], distances: NDArray[np.float64]
+    ) -> NDArray[np.float64]: ...
+
 class Sources:
     def __init__(
         self,
@@ -12,7 +24,7 @@ class Sources:
         softening: NDArray[np.float64],
         areas: NDArray[np.float64],
         points_per_patch: int,
-        absorption: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        medium: Medium | None = None,
     ) -> None: ...
     def __len__(self) -> int: ...
     @property
@@ -68,7 +80,7 @@ class Fmm:
         share: float = 1.0,
         emitters: NDArray[np.bool_] | None = None,
         scene: NDArray[np.float64] | None = None,
-        absorption: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        medium: Medium | None = None,
     ) -> None: ...
     def n_blockers(self) -> int: ...
     def occlude(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from . import patterns
+from . import _binding, patterns
 from .convexity import nothing_between
 from .lights import Light, Samples, SunLight
 from .medium import left
@@ -66,7 +66,7 @@ class Receivers:
 
     def irradiance(self, scene: Scene, tick: Tick = silent) -> Points:
         """(M, 3) W/m^2 from the lamps and the sky of a scene, through its medium."""
-        lights, sky = scene.lights, scene.sky
+        lights, sky, medium = scene.lights, scene.sky, scene.what_absorbs()
         found, parts = np.zeros_like(self.points), len(lights) + 1
 
         def part(number: int) -> Tick:
@@ -74,9 +74,9 @@ class Receivers:
 
         for number, light in enumerate(lights):
             if light.colour.any():
-                found += self._from_lamp(light, part(number))[:, None] * self._left(light, scene.medium) * light.colour
+                found += self._from_lamp(light, part(number))[:, None] * self._left(light, medium) * light.colour
         if sky is not None:
-            found += self._from_sky(sky, part(len(lights)))
+            found += self._from_sky(sky, medium, part(len(lights)))
         wanted = {light.geometry for light in lights}
         self._lamps = {geometry: lamp for geometry, lamp in self._lamps.items() if geometry in wanted}
         return found
@@ -90,9 +90,9 @@ class Receivers:
             self._lamps[light.geometry] = unshadowed.astype(np.float32)
         return self._lamps[light.geometry]
 
-    def _left(self, light: Light, medium: Points) -> Points | float:
+    def _left(self, light: Light, medium: _binding.Medium) -> Points | float:
         """(M, 3) shares that a medium leaves of a lamp's light."""
-        if not medium.any():
+        if medium.is_clear:
             return 1.0
         found = np.ones_like(self.points)
 
@@ -102,7 +102,8 @@ class Receivers:
             samples = light.samples(self.points[rows], self.normals[rows], pattern)
             weights = samples.weights * samples.cones
             total = weights.sum(axis=1, keepdims=True)
-            mean = np.einsum("mk,mkc->mc", weights, left(medium, samples.distances))
+            passed = left(medium, self.points[rows, None], samples.directions, samples.distances)
+            mean = np.einsum("mk,mkc->mc", weights, passed)
             found[rows] = np.where(total > 0, mean / np.where(total > 0, total, 1.0), 1.0)
             return 0
 
@@ -179,26 +180,27 @@ class Receivers:
         )
         return shares, len(row)
 
-    def _from_sky(self, sky: Sky, tick: Tick) -> Points:
+    def _from_sky(self, sky: Sky, medium: _binding.Medium, tick: Tick) -> Points:
         found = np.zeros_like(self.points)
         if self._sky is None:
             self._sky = self._open(self._hemisphere, SKY_SHARE * self._rays, tick)
 
         def smooth(block: slice) -> int:
             seen = self._sky[block] / STEPS
-            if sky.is_even:
+            if sky.is_even and medium.is_clear:
                 found[block] += np.pi * seen.mean(axis=1)[:, None] * sky.smooth(np.zeros(3))
             else:
-                radiance = sky.smooth(self._hemisphere(block))
+                directions = self._hemisphere(block)
+                radiance = sky.smooth(directions) * left(medium, self.points[block, None], directions, np.inf)
                 found[block] += np.pi * np.einsum("mk,mkc->mc", seen, radiance) / seen.shape[1]
             return 0
 
         self._run(smooth, len(self.points), self._sky.shape[1], silent)
         if sky.bright is not None:
-            self._add_bright(sky.bright, found, tick)
+            self._add_bright(sky.bright, medium, found, tick)
         return found
 
-    def _add_bright(self, bright: Bright, found: Points, tick: Tick) -> None:
+    def _add_bright(self, bright: Bright, medium: _binding.Medium, found: Points, tick: Tick) -> None:
         """Adds what the bright parts of a sky bring."""
         if self._bright is None or not self._bright[0].serves(bright):
             seen = self._open(lambda block: self._towards(bright, block)[0], BRIGHT_RAYS, tick)
@@ -208,7 +210,8 @@ class Receivers:
         def add(block: slice) -> int:
             directions, pixels = self._towards(aimed, block)
             cosines = np.maximum(np.einsum("mkx,mx->mk", directions, self.normals[block]), 0.0)
-            found[block] += np.einsum("mk,mkc->mc", cosines * seen[block] / STEPS, aimed.weights(pixels, bright))
+            weights = aimed.weights(pixels, bright) * left(medium, self.points[block, None], directions, np.inf)
+            found[block] += np.einsum("mk,mkc->mc", cosines * seen[block] / STEPS, weights)
             return 0
 
         self._run(add, len(self.points), BRIGHT_RAYS, silent)

@@ -60,7 +60,7 @@ def _within(scene: Scene, medium: bool) -> Scene:
     if medium:
         return scene.within_medium()
     left = copy.copy(scene)
-    left.medium = np.zeros(3)
+    left.medium, left.volumes = np.zeros(3), ()
     return left
 
 
@@ -132,6 +132,9 @@ def _glossy(scene: Scene) -> Effect:
 
 
 def _medium(scene: Scene) -> Effect:
-    if not scene.medium.any():
+    if not scene.absorbs:
         return Effect(False, "no medium absorbs light")
+    if not scene.medium.any():
+        meshes = "1 mesh" if len(scene.volumes) == 1 else f"{len(scene.volumes)} meshes"
+        return Effect(True, f"light is absorbed inside {meshes}")
     return Effect(True, f"a medium takes half of the light on {np.log(2) / scene.medium.max():.3g} m")

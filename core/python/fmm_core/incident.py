@@ -60,7 +60,7 @@ class Incident:
         """radiosity: (N, 3) of the particles, W/m^2."""
         self._scene, self._particles, self._radiosity = scene, sums.particles, radiosity
         self._occlusion, self._surface = sums.apart(scene)
-        self._emitters = Emitters(scene, sums.particles)
+        self._emitters, self._medium = Emitters(scene, sums.particles), sums.medium
 
     @property
     def rays(self) -> int:
@@ -93,7 +93,7 @@ class Incident:
         density = rays * at.response.density(at.rows, directions, rays)
         own = density[row, k]
         hit, radiance = met.particles >= 0, np.zeros((len(row), 3))
-        passed = left(self._scene.medium, np.linalg.norm(met.positions - at.points[row], axis=1))
+        passed = left(self._medium, at.points[row], chosen, np.linalg.norm(met.positions - at.points[row], axis=1))
         radiance[hit] = passed[hit] * self._radiosity[met.particles[hit]] / np.pi / own[hit, None]
         lit = np.flatnonzero(self._emitters.density[met.particles] > 0)
         if len(lit):
@@ -106,7 +106,8 @@ class Incident:
                 ends = at.points[row], at.normals[row], chosen
                 through = self._occlusion.transmitted(*ends, np.full(len(row), np.inf))
             free = through > 0
-            radiance[free] += (through[free] / own[free])[:, None] * self._scene.sky.smooth(chosen[free])
+            passed = left(self._medium, at.points[row[free]], chosen[free], np.inf)
+            radiance[free] += (through[free] / own[free])[:, None] * passed * self._scene.sky.smooth(chosen[free])
         flux = np.zeros(directions.shape)
         flux[row, k] = radiance
         at.add(directions, flux, found)
@@ -138,7 +139,7 @@ class Incident:
         aim = count * self._emitters.density[chosen[row, k]] * distances[row, k] ** 2 / leaving[row, k]
         total = aim + rays * at.response.density(at.rows, directions, rays)[row, k]
         flux = np.zeros(directions.shape)
-        passed = left(self._scene.medium, distances[row, k])
+        passed = left(self._medium, at.points[row], directions[row, k], distances[row, k])
         flux[row, k] = (seen / total)[:, None] * passed * self._scene.emission[triangles] / np.pi
         at.add(directions, flux, found)
         return len(row)
@@ -164,7 +165,7 @@ class Incident:
         share = irradiance / np.where(total > 0, total, 1.0)
         flux = np.zeros(samples.directions.shape)
         arriving = through * (samples.weights * samples.cones)[row, k] / cosines[row, k] * share[row]
-        passed = left(self._scene.medium, samples.distances[row, k])
+        passed = left(self._medium, at.points[row], samples.directions[row, k], samples.distances[row, k])
         flux[row, k] = arriving[:, None] * passed * light.colour
         at.add(samples.directions, flux, found)
         return len(row) if light.shadows else 0
@@ -176,7 +177,8 @@ class Incident:
         far = np.full(len(row), np.inf)
         seen = np.zeros(pixels.shape)
         seen[row, k] = self._occlusion.transmitted(at.points[row], at.normals[row], directions[row, k], far)
-        at.add(directions, seen[..., None] * bright.weights(pixels, bright), found)
+        passed = left(self._medium, at.points[:, None], directions, np.inf)
+        at.add(directions, seen[..., None] * passed * bright.weights(pixels, bright), found)
         return len(row)
 
 

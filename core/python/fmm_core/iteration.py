@@ -31,7 +31,7 @@ def iterate(
     """
     albedo, emission = particles.of_triangles(scene.albedo), particles.of_triangles(scene.emission)
     own = emission + albedo * direct
-    channels = 1 if _is_grey(albedo) and _is_grey(own) and _is_grey(scene.medium[None]) else 3
+    channels = 1 if _is_grey(albedo) and _is_grey(own) and scene.absorbs_grey else 3
     report.counts["channels"] = channels
     parts = albedo[:, :channels], own[:, :channels]
     return ITERATIONS[settings.iteration](exchange, particles, *parts, settings, report, tick)

@@ -118,7 +118,7 @@ class MultipoleSpace:
             settings.expansion_in_use,
             emitters=particles.emits,
             scene=occlusion.triangles if occlusion and self.settings.visibility == "rays" else None,
-            absorption=self.sums.absorption,
+            medium=self.sums.medium,
         )
         tick(0.1)
         start = time.perf_counter()
@@ -135,7 +135,7 @@ class MultipoleSpace:
         if occlusion is not None and self.settings.visibility == "cells":
             occlusion.find_cells(fmm, tick)
             return True
-        if fmm.n_blockers() == 0 and not self.sums.absorbs:
+        if fmm.n_blockers() == 0 and self.sums.medium.is_clear:
             return False
         tick(0.2)
         weights, radii = particles.visibility_weights, particles.of_points(particles.radii)

@@ -33,7 +33,7 @@ class Reference:
         self._scene, self._particles = scene, sums.particles
         self._occlusion, self._surface = sums.apart(scene)
         self._places = _Places.of(scene, sums.particles)
-        self._emitters = Emitters(scene, sums.particles)
+        self._emitters, self._medium = Emitters(scene, sums.particles), sums.medium
 
     @property
     def rays(self) -> int:
@@ -126,7 +126,7 @@ class Reference:
         scene, particles = self._scene, self._particles
         met = self._occlusion.met(points, normals, directions, self._surface)
         received = np.where(met.particles[:, None] >= 0, radiosity[met.particles], 0.0)
-        passed = left(scene.medium, np.linalg.norm(met.positions - points, axis=1))
+        passed = left(self._medium, points, directions, np.linalg.norm(met.positions - points, axis=1))
         received *= np.tile(passed, radiosity.shape[1] // 3)
         if len(self._emitters) == 0:
             return received, met, len(points)
@@ -143,7 +143,9 @@ class Reference:
         triangles = particles.triangle[chosen[seen]]
         if scene.opacity is not None:
             share[seen] *= scene.opacity.mean[triangles]
-        passed = left(scene.medium, np.linalg.norm(ends[seen] - points[seen], axis=1))
+        between = ends[seen] - points[seen]
+        distances = np.linalg.norm(between, axis=1)
+        passed = left(self._medium, points[seen], between / distances[:, None], distances)
         received[seen, :3] += share[seen, None] * passed * scene.emission[triangles]
         return received, met, len(points) + len(asked)
 

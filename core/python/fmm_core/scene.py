@@ -8,9 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _binding
 from .arrays import LARGEST, numbers
 from .errors import Error
 from .lights import Light, checked_lights
+from .medium import Volume, absorption, checked_volumes
 from .opacity import Opacity
 from .sky import Sky
 
@@ -47,6 +49,7 @@ class Scene:
                 opacity, which then is for light of surfaces alone; afterwards a `Shade`, or None where none is given
     medium      (3,) or a constant, 1/m: how much of each colour is absorbed by what fills all space between the
                 surfaces; it lets nothing through that comes from infinitely far away
+    volumes     closed meshes that absorb light inside, besides, see `medium.py`; they block none
     warnings    what was changed or left out, one line each
     origin      (3,) where the coordinates of the triangles count from, 0 as given
 
@@ -68,6 +71,7 @@ class Scene:
         glossy: int = 0,
         shade: ArrayLike | Opacity | None = None,
         medium: ArrayLike = 0.0,
+        volumes: Sequence[Volume] = (),
     ) -> None:
         corners = numbers("triangles", triangles)
         if corners.ndim != 3 or corners.shape[1:] != (3, 3):
@@ -100,7 +104,7 @@ class Scene:
         self.origin = np.zeros(3)
         self.lights, self.sky = checked_lights(lights), _checked_sky(sky)
         self.glossy = glossy
-        self.medium = _absorption(medium)
+        self.medium, self.volumes = absorption("medium", medium), checked_volumes(volumes)
         self._check_lit()
 
     @property
@@ -111,9 +115,24 @@ class Scene:
     @property
     def is_grey(self) -> bool:
         """Whether all light and all surfaces have the same value in each colour."""
-        colours = [self.albedo, self.emission, self.medium, *(light.colour for light in self.lights)]
+        colours = [self.albedo, self.emission, *(light.colour for light in self.lights)]
         colours += [] if self.sky is None else [self.sky.radiance]
-        return all((values == values[..., :1]).all() for values in colours)
+        return self.absorbs_grey and all((values == values[..., :1]).all() for values in colours)
+
+    @property
+    def absorbs(self) -> bool:
+        """Whether anything absorbs light on its way."""
+        return bool(self.medium.any()) or len(self.volumes) > 0
+
+    @property
+    def absorbs_grey(self) -> bool:
+        """Whether that takes the same share of each colour."""
+        return all((one == one[0]).all() for one in (self.medium, *(volume.absorption for volume in self.volumes)))
+
+    def what_absorbs(self) -> _binding.Medium:
+        """What is asked how much light is left after its way."""
+        volumes = [(volume.triangles, tuple(volume.absorption.tolist())) for volume in self.volumes]
+        return _binding.Medium(tuple(self.medium.tolist()), volumes)
 
     def grey(self) -> "Scene":
         """The same scene with the mean over the colours in place of each."""
@@ -122,6 +141,7 @@ class Scene:
         scene.lights = tuple(light.with_colour(_mean(light.colour)) for light in self.lights)
         scene.sky = None if self.sky is None else Sky(_mean(self.sky.radiance))
         scene.medium = _frozen(_mean(self.medium))
+        scene.volumes = tuple(volume.with_absorption(_mean(volume.absorption)) for volume in self.volumes)
         return scene
 
     def within_medium(self) -> "Scene":
@@ -144,6 +164,7 @@ class Scene:
             scene.shade = self.shade._replace(triangles=_frozen(self.shade.triangles - self.centre))
         scene.origin, scene.centre = self.origin + self.centre, np.zeros(3)
         scene.lights = tuple(light.moved(-self.centre) for light in self.lights)
+        scene.volumes = tuple(volume.moved(-self.centre) for volume in self.volumes)
         return scene
 
     def relit(
@@ -174,6 +195,8 @@ class Scene:
         """Whether another scene was given the same triangles with the same sides and opacity, in the same medium."""
         names = "triangles", "triangle_indices", "two_sided", "medium"
         same = all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
+        same &= len(self.volumes) == len(other.volumes)
+        same &= all(mine.same(yours) for mine, yours in zip(self.volumes, other.volumes, strict=False))
         if (self.shade is None) != (other.shade is None):
             return False
         same &= self.shade is None or np.array_equal(self.shade.triangles, other.shade.triangles)
@@ -266,16 +289,6 @@ def _shade(corners: NDArray[np.float64], kept: NDArray[np.bool_], stopped: Opaci
 
 def _same(one: Opacity | None, other: Opacity | None) -> bool:
     return one is other is None or (one is not None and other is not None and one.same(other))
-
-
-def _absorption(values: ArrayLike) -> NDArray[np.float64]:
-    absorption = numbers("medium", values)
-    if absorption.shape not in ((), (3,)):
-        raise Error(f"medium: expected shape (3,) or a constant, got {absorption.shape}")
-    wrong = ~((absorption >= 0) & (absorption <= LARGEST))
-    if wrong.any():
-        raise Error(f"medium: it absorbs {absorption[wrong][0]:g} per metre, expected a number of at least 0")
-    return _frozen(np.array(np.broadcast_to(absorption, (3,))))
 
 
 def _checked_sky(sky: Sky | None) -> Sky | None:

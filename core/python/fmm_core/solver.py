@@ -61,17 +61,19 @@ def _solve(whole: Scene, asked: Settings, settings: Settings, progress: Progress
     effects = plan(whole, settings)
     scene = planned(whole, effects)
     report = Report(settings, scene, effects)
-    if scene.medium.any() and settings.visibility == "cells":
-        raise Error("visibility: 'cells' cannot be used in a medium that absorbs light")
+    if scene.absorbs and settings.visibility == "cells":
+        raise Error("visibility: 'cells' cannot be used where something absorbs light on its way")
     if kept is not None:
         report.warnings += kept.take(scene)
     triangles = len(scene.triangles)
     with report.time("visibility"):
-        # Through a medium light is found by rays, which know how far it comes.
-        occlusion = Occlusion(scene, kept) if effects["occlusion"].used or scene.medium.any() else None
+        # Through what absorbs light is found by rays, which know how far it comes.
+        occlusion = Occlusion(scene, kept) if effects["occlusion"].used or scene.absorbs else None
     with report.time("tree"):
         count = settings.particles or min(max(AUTOMATIC_PARTICLES, triangles), MOST_AUTOMATIC)
         few = settings.method is None and settings.visibility != "cells" and max(count, triangles) <= FEW_PARTICLES
+        # The direct method goes through the meshes that absorb for each pair, again and again.
+        few &= not scene.volumes
         multipole = settings.method != "direct" and not few
         degree = settings.quadrature or (2 if triangles < count else 1)
         buried = occlusion.buried if occlusion and multipole and settings.visibility == "rays" else None
@@ -85,7 +87,8 @@ def _solve(whole: Scene, asked: Settings, settings: Settings, progress: Progress
     room = None
     if occlusion is None and settings.effects.get("occlusion") is not False:
         room = scene.opacity is None and is_watertight(scene.triangles)
-    sums = Sums(particles, occlusion, settings.near_reach or (single if degree == 1 else 4.0), room, scene.medium)
+    near_reach = settings.near_reach or (single if degree == 1 else 4.0)
+    sums = Sums(particles, occlusion, near_reach, room, scene.what_absorbs())
     exchange = Exchange(MultipoleSpace(sums, settings) if multipole else DirectSpace(sums), settings)
     radiosity = exchange.radiosity(scene, report, progress)
     report.counts["rays"], report.kept = sums.rays, sums.replayed > 0

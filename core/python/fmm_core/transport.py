@@ -111,7 +111,7 @@ class Sums:
 
     occlusion   None where every surface in front of the horizon is seen
     room        None where something can be in the way; else whether the scene is a room without openings
-    absorption  of the medium between all surfaces, 1/m
+    medium      what absorbs light on its way
     """
 
     def __init__(
@@ -120,10 +120,10 @@ class Sums:
         occlusion: Occlusion | None,
         near_reach: float,
         room: bool | None,
-        medium: NDArray[np.float64],
+        medium: _binding.Medium,
     ) -> None:
         self.particles, self.occlusion, self.near_reach = particles, occlusion, near_reach
-        self._room, self.absorption = room, tuple(medium.tolist())
+        self._room, self.medium = room, medium
         self._sight: tuple[NDArray[np.float64], Sight] | None = None
         # A group of triangles has no exact form factor: what is so near is found by rays.
         self._reach = (1 + ROUNDING) * near_reach * particles.radii * particles.whole
@@ -133,13 +133,8 @@ class Sums:
             particles.softening,
             particles.areas,
             particles.per_patch,
-            self.absorption,
+            medium,
         )
-
-    @property
-    def absorbs(self) -> bool:
-        """Whether the medium takes any light."""
-        return any(self.absorption)
 
     @property
     def keeps_energy(self) -> bool:

@@ -61,19 +61,36 @@ def test_what_cannot_be_simulated_is_named(fill, read):
     assert read().warnings == ("world 'Fog': its volume 'Volume Scatter' is not simulated: left out",)
 
 
-def test_a_mesh_with_nothing_but_a_volume_blocks_no_light(fill, read, build):
+def jelly(build, fill, shader="ShaderNodeVolumeAbsorption", **inputs):
+    """A material that has nothing but a volume."""
+    material = build.material("Jelly")
+    material.node_tree.nodes.clear()
+    fill(material, "ShaderNodeOutputMaterial", shader, **inputs)
+    return material
+
+
+def test_a_closed_mesh_with_nothing_but_a_volume_absorbs_inside_and_blocks_no_light(fill, read, build):
     fill(bpy.data.materials["Blue"], "ShaderNodeOutputMaterial", "ShaderNodeVolumeAbsorption")
-    jelly = build.material("Jelly")
-    jelly.node_tree.nodes.clear()
-    fill(jelly, "ShaderNodeOutputMaterial", "ShaderNodeVolumeAbsorption")
-    build.cube("Pudding", jelly)
+    build.cube("Pudding", jelly(build, fill, Color=(1.0, 0.75, 0.2, 1.0), Density=2.0)).scale = (-1, 1, 1)
     arrays = read()
     assert np.count_nonzero(arrays.opacity.mean == 0) == 12
-    assert arrays.warnings == (
-        "material 'Blue' on object 'Floor', 'Box': its volume 'Volume Absorption' is not simulated",
-        "material 'Jelly' on object 'Pudding': its volume 'Volume Absorption' is not simulated: all light passes "
-        "through it",
-    )
+    # Nothing gets into the box, whose material has a volume too.
+    (volume,) = arrays.volumes
+    assert volume.absorption == pytest.approx([0.0, 0.5, 1.6])
+    a, b, c = volume.triangles.transpose(1, 0, 2)
+    assert (a * np.cross(b, c)).sum() / 6 == pytest.approx(1.0)
+    assert arrays.warnings == ()
+
+
+def test_volumes_of_meshes_that_cannot_be_simulated_are_named(fill, read, build):
+    cube = build.cube("Pudding", jelly(build, fill, "ShaderNodeVolumeScatter"))
+    assert read().volumes == ()
+    text = "material 'Jelly' on object 'Pudding': its volume 'Volume Scatter' is not simulated: left out"
+    assert read().warnings == (text,)
+    bpy.data.objects.remove(cube)
+    build.object("Sheet", [(0, 0, 1), (1, 0, 1), (1, 1, 1)], [(0, 1, 2)], jelly(build, fill))
+    assert read().volumes == ()
+    assert read().warnings == ("object 'Sheet': its mesh is not closed, its volume is left out",)
 
 
 def test_a_bake_in_fog_is_darker_and_says_why(fill, fmm):
