@@ -388,8 +388,10 @@ class Reading:
 
 
 def _opacity(values: np.ndarray, cells: list[np.ndarray | None]) -> Opacity:
-    steps = [0 if grid is None else round(len(grid) ** 0.5) for grid in cells]
-    grids = [grid for grid in cells if grid is not None]
+    varying = {row: grid for row, grid in enumerate(cells) if grid is not None}
+    # A list of so many numbers would become an array under the interpreter's lock.
+    steps, grids = np.zeros(len(cells), np.int64), list(varying.values())
+    steps[list(varying)] = [round(len(grid) ** 0.5) for grid in grids]
     return Opacity(np.clip(values, 0, 1), steps, np.concatenate(grids) if grids else ())
 
 
