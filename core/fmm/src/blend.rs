@@ -8,7 +8,7 @@ use crate::vector::{dot, norm, sub};
 /// Neighbours are at most this share of the distance to what the rays meet away, and look at most so many radians another
 /// way: the two terms by which irradiance changes (Ward, Rubinstein and Clear, "A ray tracing solution for diffuse
 /// interreflection", SIGGRAPH 1988, eq 3).
-const REACH: f64 = 0.2;
+const REACH: f64 = 0.6;
 const BEND: f64 = 0.3;
 /// How far neighbours are above or below a point's plane, as a share of how far they may be away.
 const STEP: f64 = 0.25;
@@ -214,10 +214,10 @@ mod tests {
             blend.shares().nth(4).is_some_and(|mut shares| shares.any(|(j, _)| j == 5))
         };
         assert!(at([0.1, 0.0, 0.0], UP, 1.0));
-        assert!(!at([0.3, 0.0, 0.0], UP, 1.0), "far");
+        assert!(!at([0.7, 0.0, 0.0], UP, 1.0), "far");
         assert!(!at([0.1, 0.0, 0.0], [0.6, 0.0, 0.8], 1.0), "turned");
-        assert!(!at([0.1, 0.0, 0.1], UP, 1.0), "above");
-        assert!(!at([0.1, 0.0, 0.0], UP, 0.2), "near something");
+        assert!(!at([0.1, 0.0, 0.2], UP, 1.0), "above");
+        assert!(!at([0.1, 0.0, 0.0], UP, 0.1), "near something");
         assert_eq!(
             clamped(&[[0.0; 3], [0.1, 0.0, 0.0], [3.0, 0.0, 0.0]], &[1.0, 0.2, 9.0]),
             [0.2 + 0.1, 0.2, 0.2 + 2.9]
