@@ -27,7 +27,7 @@ MANY = 20_000
 AIMED, HEMISPHERE = 1.5, 1.5
 #: Up to so many particles sources are balanced one by one: of more, what single ones send too much or too little
 #: averages out, and their few rays tell it less well than it is without.
-SINGLE = 5000
+SINGLE = 30_000
 #: Nothing has fewer rays than these.
 LEAST_RAYS = 10.0
 
