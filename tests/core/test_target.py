@@ -12,8 +12,9 @@ def baked(**options):
     return fmm_core.solve_at(SCENE, fmm_core.Settings(method="fmm", **options), *POINTS)
 
 
-def last(measured, gathered, method="fmm", particles=1000):
-    return {"measured_rms": measured, "gathered": gathered, "method": method, "particles": particles}
+def last(measured, gathered, method="fmm", particles=1000, high=None):
+    error = {"measured_rms": measured, "high": high or 1.2 * measured, "gathered": gathered}
+    return error | {"method": method, "particles": particles}
 
 
 @pytest.mark.parametrize("target", [0.05, 0.01])
@@ -76,6 +77,14 @@ def test_what_is_raised_is_what_the_error_comes_from():
     stuck = better(asked, used, last(0.03, 0.03), 0.031)
     assert stuck.particles > 2000
     assert stuck.rays == used.rays
+
+
+@pytest.mark.parametrize("method", ["direct", "fmm"])
+def test_what_is_met_but_not_surely_is_raised_by_how_wrong_it_may_be(method):
+    asked = fmm_core.Settings(method=method, target_error=0.01)
+    near, far = (better(asked, asked.begin(), last(0.008, 0.008, method, high=high), np.inf) for high in (0.013, 0.03))
+    assert far.particles > 5000
+    assert near.particles < 0.6 * far.particles
 
 
 def test_defaults_are_those_of_before_where_there_is_no_target():

@@ -85,7 +85,9 @@ def better(asked: Settings, used: Settings, last: dict[str, Any], before: float)
     before  the part of the gather in the round before if that had the same particles, else infinity
     """
     target, gathered, particles = asked.target_error, last["gathered"], used.particles or last["particles"]
-    of_radiosity = max(0.0, last["measured_rms"] ** 2 - gathered**2) ** 0.5
+    # Where it is met, but not surely, it is the error that there may be which has to come down.
+    error = last["high"] if last["measured_rms"] <= target else last["measured_rms"]
+    of_radiosity = max(0.0, error**2 - gathered**2) ** 0.5
     gather, radiosity = gathered / (AIM * target), of_radiosity / (AIM_RADIOSITY * target)
     # Rays that do not help the gather say that its sources are too coarse.
     stuck = gathered > STUCK * before
@@ -94,7 +96,7 @@ def better(asked: Settings, used: Settings, last: dict[str, Any], before: float)
         wanted["rays"] = round(used.rays * _factor(gather))
     if last["method"] == "direct":
         # Rays only go to lamps and the sky there.
-        wanted["particles"] = round(particles * _factor(last["measured_rms"] / (AIM * target)))
+        wanted["particles"] = round(particles * _factor(error / (AIM * target)))
     else:
         wanted["truncation"] = used.truncation + 1
         if stuck or radiosity > 1:
