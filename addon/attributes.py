@@ -71,8 +71,9 @@ class Layers:
 
 def check(receivers: Sequence[Receiver], output: Output) -> None:
     """Raise fmm_core.Error, naming the mesh, where the attribute could not be written; to be called before a solve."""
-    if not output.name or output.name.startswith("."):
-        raise Error(f"'{output.name}' is no name for a colour attribute: it needs one that does not start with a dot")
+    if output.name[:1] in ("", ".", " "):
+        raise Error(f"'{output.name}' is no name for a colour attribute: it needs one that does not start with a dot "
+                    "or a space")  # fmt: skip
     for name in output.names:
         if len(name.encode()) > _LONGEST_NAME:
             raise Error(f"'{name}' is longer than the {_LONGEST_NAME} letters that the name of an attribute can have")

@@ -29,6 +29,9 @@ class Mesh:
     triangle_face: np.ndarray  # (T,)
 
 
+#: m from the origin: of larger numbers the products of a solve no longer are finite.
+FARTHEST = 1e15
+
 #: Of Jenkins' hash, whose numbers are below the first one.
 _ALL, _TURNS = 1 << 32, (14, 11, 25, 16, 4, 14, 24)
 
@@ -139,6 +142,9 @@ class World:
         if len(bad):
             value = ", ".join(f"{x:g}" for x in mesh.vertex[bad[0]])
             raise Error(f"object '{name}': vertex {bad[0]} is at ({value}), which is not finite")
+        reach = np.abs(linear).sum(axis=1).max() * np.abs(mesh.vertex).max(initial=0.0) + np.abs(offset).max()
+        if reach > FARTHEST:
+            raise Error(f"object '{name}' reaches {reach:.3g} m from the origin, at most {FARTHEST:g} m can be baked")
         self._mesh, self._linear, self._offset = mesh, linear, offset
         self.mirrored = np.linalg.det(linear) < 0
 

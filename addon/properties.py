@@ -177,6 +177,11 @@ class FMM_RADIOSITY_material(bpy.types.PropertyGroup):
     )
 
 
+def target_of(scene: bpy.types.Scene) -> float | None:
+    """The target error of a scene, None for none. What the panel shows as 0 is."""
+    return round(scene.fmm_radiosity.target_error, 4) or None
+
+
 def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Settings:
     """Settings of a scene; keyword arguments go first. Raises fmm_core.Error naming a wrong value."""
     own = scene.fmm_radiosity
@@ -185,11 +190,11 @@ def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Setting
         "grouping": own.grouping or None,
         "particles": own.particles or None,
         "rays": own.rays,
-        "target_error": own.target_error or None,
+        "target_error": target_of(scene),
         "probes": PROBES if own.measure else 0,
         "effects": dict.fromkeys(own.without, False),
     }
-    if overrides.get("target_error", own.target_error):
+    if overrides.get("target_error", target_of(scene)):
         values |= {"truncation": None, "rays": None}
     return fmm_core.Settings(**(values | overrides))
 

@@ -33,9 +33,12 @@ def receivers(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 def expected_vertices(obj: bpy.types.Object, length: float) -> int:
-    """Vertices that `subdivide` comes to: exact for triangles and quads of one size, near that for others."""
+    """Vertices that `subdivide` comes to: exact for triangles and quads of one size, near that for others.
+
+    Raises fmm_core.Error naming a vertex that is not finite.
+    """
     mesh = meshes.read_mesh(obj.data)
-    position = mesh.vertex @ np.array(obj.matrix_world.to_3x3()).T
+    position = meshes.World(obj.name, mesh, np.array(obj.matrix_world)).position
 
     def parts(corners: np.ndarray, others: np.ndarray) -> np.ndarray:
         ends = mesh.corner_vertex[corners], mesh.corner_vertex[others]
@@ -119,9 +122,8 @@ def copied(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> l
 
 
 def _parts(lengths: np.ndarray, length: float) -> np.ndarray:
-    """Into how many parts edges are cut, a power of two."""
-    halvings = np.ceil(np.log2(np.maximum(lengths / (length * _SLACK), 1.0)))
-    return 2 ** halvings.astype(np.int64)
+    """Into how many parts edges are cut, a power of two; their squares may be larger than integers are."""
+    return 2.0 ** np.ceil(np.log2(np.maximum(lengths / (length * _SLACK), 1.0)))
 
 
 def _length(edge: bmesh.types.BMEdge, world: Matrix) -> float:

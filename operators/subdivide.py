@@ -8,7 +8,7 @@ from typing import ClassVar
 import bpy
 from bpy.app.translations import pgettext_iface as translated
 
-from ..addon import subdivision
+from ..addon import bake, subdivision
 from .on_meshes import OnMeshes
 
 #: No more vertices are made at once.
@@ -41,14 +41,22 @@ class FMM_RADIOSITY_OT_subdivide(OnMeshes, bpy.types.Operator):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the options and the expected number of vertices."""
         super().draw(context)
-        self.layout.label(text=translated("About {:,d} vertices").format(self._expected(context)), translate=False)
+        try:
+            text = translated("About {:,d} vertices").format(self._expected(context))
+        except bake.FAILURES as error:
+            text = bake.reason(error)
+        self.layout.label(text=text, translate=False)
 
     def _expected(self, context: bpy.types.Context) -> int:
         return sum(subdivision.expected_vertices(obj, self.edge_length) for obj in subdivision.receivers(context))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Subdivide."""
-        expected = self._expected(context)
+        try:
+            expected = self._expected(context)
+        except bake.FAILURES as error:
+            self.report({"ERROR"}, bake.reason(error))
+            return {"CANCELLED"}
         if expected > MOST_VERTICES:
             text = "This would come to {:,d} vertices, more than {:,d}: choose longer edges"
             self.report({"ERROR"}, translated(text).format(expected, MOST_VERTICES))

@@ -44,6 +44,11 @@ def not_finite(build):
     build.quad("Broken").data.vertices[2].co.y = float("nan")
 
 
+def far_away(build):
+    build.quad("Lamp", build.light())
+    build.quad("Lost").data.vertices[2].co.y = float("inf")
+
+
 def no_mesh(build):
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("Nothing", None))
 
@@ -81,6 +86,7 @@ def name_taken(build):
     ("scene", "named"),
     [
         (not_finite, ("'Broken'", "vertex 2", "nan")),
+        (far_away, ("'Lost'", "3.4e+38 m", "1e+15 m")),
         (no_mesh, ("no mesh", "'Scene'")),
         (empty_mesh, ("'Hollow'", "no faces")),
         (no_emitter, ("gives off light", "Emission")),

@@ -120,6 +120,21 @@ def test_undo_takes_back_a_subdivision(build):
     assert len(bpy.data.meshes["Wall"].vertices) == 4
 
 
+def test_a_vertex_nowhere_is_named(build):
+    obj = build.quad("Broken")
+    obj.data.vertices[2].co.y = float("nan")
+    select("Broken")
+    with pytest.raises(RuntimeError, match=r"^Error: object 'Broken': vertex 2 is at [^\n]*\n?$"):
+        bpy.ops.fmm_radiosity.subdivide()
+
+
+def test_more_vertices_than_integers_are_refused(build):
+    build.quad("Land").scale = (1e6, 1e6, 1)
+    select("Land")
+    with pytest.raises(RuntimeError, match="longer edges"):
+        bpy.ops.fmm_radiosity.subdivide(edge_length=1e-5)
+
+
 def test_why_nothing_can_be_subdivided(build):
     build.quad("Wall").select_set(False)
     with pytest.raises(RuntimeError, match="Select a mesh first"):

@@ -178,13 +178,20 @@ def test_a_name_that_leaves_no_room_is_an_error(build, fmm, settings):
         fmm.bake.read(bpy.context)
 
 
-@pytest.mark.parametrize("name", ["", ".hidden", "position"])
+@pytest.mark.parametrize("name", ["", ".hidden", " 0001", "position"])
 def test_impossible_names_are_an_error_before_the_solve(build, fmm, settings, name):
     build.room()
     settings.attribute_name = name
     with pytest.raises(Error, match=f"'{name}'"):
         fmm.bake.read(bpy.context)
     assert all("Radiosity" not in mesh.attributes for mesh in bpy.data.meshes)
+
+
+def test_a_target_error_that_is_shown_as_0_is_none(fmm, settings):
+    settings.target_error = 1e-9
+    assert fmm.properties.settings_of(bpy.context.scene).target_error is None
+    settings.target_error = 1e-3
+    assert fmm.properties.settings_of(bpy.context.scene).target_error == pytest.approx(1e-3)
 
 
 def test_selected_meshes_get_the_colours_that_they_have_in_the_whole_scene(build, settings):
