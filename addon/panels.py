@@ -10,7 +10,7 @@ import bpy
 from bl_ui.utils import PresetPanel
 from bpy.app.translations import pgettext_iface as translated
 
-from . import error_map, estimate, shading
+from . import error_map, estimate, properties, shading
 from .report import PHASES, percent, typical
 from .session import Running, session
 
@@ -68,7 +68,7 @@ class _Quality:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what decides over error and time."""
         chosen = "truncation", "grouping", "rays", "particles", "measure"
-        if context.scene.fmm_radiosity.target_error:
+        if properties.target_of(context.scene):
             # It chooses the others.
             chosen = "grouping", "particles"
         _draw_settings(self.layout, context, "target_error", *chosen)
@@ -84,6 +84,8 @@ class _Output:
         if context.scene.fmm_radiosity.byte:
             _draw_settings(self.layout, context, "exposure")
         _draw_settings(self.layout, context, "directional", "view", "keep_visibility")
+        first, last = context.scene.frame_start, context.scene.frame_end
+        _draw_pair(self.layout.column(), "Frames", f"{first} – {last}")
         self.layout.operator("fmm_radiosity.bake_frames", icon="RENDER_ANIMATION")
 
 
@@ -120,7 +122,7 @@ class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
         column = self.layout.column(align=True)
         error = report["error"]
         if error["measured_rms"] is not None:
-            _draw_pair(column, "Measured Error", typical(error))
+            _draw_pair(column, "Measured Error", _typical(error))
             if error["low"]:
                 _draw_pair(column, "Between", f"{percent(error['low'])}, {percent(error['high'])}")
             _draw_pair(column, "Largest Error", percent(error["measured_max"]))
@@ -233,7 +235,8 @@ def _draw_pair(column: bpy.types.UILayout, name: str, value: str) -> None:
 
 def _draw_after(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """What one does after a bake: look at it, and change the lights."""
-    shown = isinstance(context.space_data, bpy.types.SpaceView3D) and shading.shows(context.space_data)
+    views = shading.views(context)
+    shown = bool(views) and all(map(shading.shows, views))
     text = "Hide Result" if shown else "Show Result"
     layout.operator("fmm_radiosity.show", text=text, icon="HIDE_OFF", depress=shown)
     row = layout.row(align=True)
@@ -253,8 +256,12 @@ def _draw_summary(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
         error, seconds = session.report["error"], session.report["seconds"]["total"]
         done = translated("Baked in {:.1f} s").format(seconds)
         if error["measured_rms"] is not None:
-            done = translated("{:s}, error {:s}").format(done, typical(error))
+            done = translated("{:s}, error {:s}").format(done, _typical(error))
         column.label(text=done, icon="CHECKMARK", translate=False)
+
+
+def _typical(error: dict) -> str:
+    return typical(error, translated("below {:s}"))
 
 
 def _draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:

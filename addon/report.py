@@ -25,9 +25,9 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:,.0f} %"
 
 
-def typical(error: dict) -> str:
-    """The measured error, or what it is below where it is too small to be told."""
-    return percent(error["measured_rms"]) if error["low"] else f"below {percent(max(error['high'], _LEAST))}"
+def typical(error: dict, below: str = "below {:s}") -> str:
+    """The measured error, or, in the words of `below`, what it is less than where it is too small to be told."""
+    return percent(error["measured_rms"]) if error["low"] else below.format(percent(max(error["high"], _LEAST)))
 
 
 def measured(error: dict) -> str:

@@ -16,13 +16,23 @@ _COLOURS = {"type": "SOLID", "light": "FLAT", "color_type": "VERTEX"}
 _USUAL = {"type": "SOLID", "light": "STUDIO", "color_type": "MATERIAL"}
 
 
+def views(context: bpy.types.Context) -> list[bpy.types.SpaceView3D]:
+    """The view whose panel is used, or else every 3D view of the screen."""
+    if context.space_data is not None and context.space_data.type == "VIEW_3D":
+        return [context.space_data]
+    areas = context.screen.areas if context.screen is not None else ()
+    return [area.spaces.active for area in areas if area.type == "VIEW_3D"]
+
+
 def shows(view: bpy.types.SpaceView3D) -> bool:
     """Whether a view shows the colours now."""
     return all(getattr(view.shading, name) == value for name, value in _COLOURS.items())
 
 
 def show(view: bpy.types.SpaceView3D) -> None:
-    """Show the colours, and remember how the view was shaded."""
+    """Show the colours, and remember how the view was shaded; nothing where it shows them already."""
+    if shows(view):
+        return
     kind = view.shading.type
     # Light and colour of solid shading are kept apart from those of wireframes.
     view.shading.type = "SOLID"

@@ -21,7 +21,7 @@ class FMM_RADIOSITY_OT_add_nodes(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         """A selected object has a material with nodes."""
         if not _materials(context):
-            cls.poll_message_set("Select an object with a material first")
+            cls.poll_message_set("Select an object with a material first, one that is not linked from a library")
             return False
         return True
 

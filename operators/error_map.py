@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import bpy
 from bpy.app.translations import pgettext_iface as translated
 
-from ..addon import attributes, error_map
+from ..addon import attributes, error_map, shading
 from ..addon.report import percent
 from ..addon.session import session
 from .threaded import Threaded
@@ -52,6 +52,8 @@ class FMM_RADIOSITY_OT_error_map(Threaded, bpy.types.Operator):
         """Write the map."""
         attributes.write([result.layers])
         session.map_top = result.top
+        for view in shading.views(context):
+            shading.show(view)
         self.report({"INFO"}, translated("Error map: yellow is {:s} or more").format(percent(result.top)))
         return {"FINISHED"}
 

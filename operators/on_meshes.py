@@ -29,7 +29,7 @@ class OnMeshes:
         elif context.mode != "OBJECT":
             why = "Switch to Object Mode first"
         elif not subdivision.receivers(context):
-            why = "Select a mesh first"
+            why = "Select a mesh first, one that is not linked from a library"
         if why is not None:
             cls.poll_message_set(why)
         return why is None

@@ -34,6 +34,8 @@ def test_map_is_shown_and_the_button_goes_back(room, fmm):
     assert room.attributes.active_color_name == "Radiosity Error"
     assert room.color_attributes[room.color_attributes.render_color_index].name == "Radiosity"
     assert np.array_equal(baked(room), before)
+    views = [area.spaces.active.shading for area in bpy.context.screen.areas if area.type == "VIEW_3D"]
+    assert [(view.type, view.color_type) for view in views] == [("SOLID", "VERTEX")] * max(1, len(views))
     assert fmm.session.session.report is report
     # Colours of the ramp, from dark to bright.
     assert np.ptp(shown[:, 1]) > 0.1
