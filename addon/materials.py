@@ -182,7 +182,11 @@ class _Shaders:
 
     def closure(self, socket: bpy.types.NodeSocket) -> _Closure:
         """Of the shader at a socket; nothing where none is linked."""
-        return self.values.within(socket, self._closure)
+        try:
+            return self.values.within(socket, self._closure)
+        except Unreadable as error:
+            self.remark(f"shader '{error}' is made of itself: left out there")
+            return _NOTHING
 
     def _closure(self, source: bpy.types.NodeSocket | None) -> _Closure:
         if source is None or not source.is_output:

@@ -59,9 +59,10 @@ class Values:
     def __init__(self, points: Points, images: dict[bpy.types.Image, Image]) -> None:
         self.points, self.images = points, images
         self.remarks: list[str] = []
-        self._known: dict[tuple, Array] = {}
-        # The group nodes that are being looked into, the outermost first.
+        self._known: dict[tuple[int, ...], Array] = {}
+        # The group nodes that are being looked into, the outermost first, and the inputs that are.
         self._groups: list[bpy.types.Node] = []
+        self._inputs: set[tuple[int, ...]] = set()
 
     def number(self, socket: bpy.types.NodeSocket) -> Array:
         """(S,) of an input; raises Unreadable."""
@@ -104,12 +105,22 @@ class Values:
                 return socket
 
     def within(self, socket: bpy.types.NodeSocket, use: Callable[[bpy.types.NodeSocket | None], object]) -> object:
-        """What `use` makes of the source of an input, inside of the groups that it lies in."""
-        before = list(self._groups)
+        """What `use` makes of the source of an input, inside of the groups that it lies in.
+
+        Raises Unreadable where an input gets its value from itself.
+        """
+        before, key = list(self._groups), self._key(socket)
+        if key in self._inputs:
+            raise Unreadable(socket.node.name)
+        self._inputs.add(key)
         try:
             return use(self.source(socket) if socket.is_linked else None)
         finally:
             self._groups = before
+            self._inputs.remove(key)
+
+    def _key(self, socket: bpy.types.NodeSocket) -> tuple[int, ...]:
+        return *(group.as_pointer() for group in self._groups), socket.as_pointer()
 
     def _input(self, socket: bpy.types.NodeSocket) -> Array:
         return self.within(socket, lambda source: self._output(source) if source is not None else plain(socket))
@@ -117,7 +128,7 @@ class Values:
     def _output(self, socket: bpy.types.NodeSocket) -> Array:
         if not socket.is_output:
             return plain(socket)
-        key = (*(group.as_pointer() for group in self._groups), socket.node.as_pointer(), socket.identifier)
+        key = self._key(socket)
         if key not in self._known:
             node = socket.node
             reader = READERS.get(node.bl_idname)

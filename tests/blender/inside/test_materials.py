@@ -253,3 +253,21 @@ def test_what_shines_where_it_is_transparent_is_kept(build, read):
     assert arrays.emission * arrays.opacity.mean[:, None] == pytest.approx(np.full((2, 3), 2 * math.pi))
     assert arrays.opacity.mean == pytest.approx(1 / 16)
     assert any("'Flame'" in text and "shines where it is transparent" in text for text in arrays.warnings)
+
+
+def test_nodes_that_are_made_of_themselves_are_named(build, read):
+    build.room()
+    tree = bpy.data.materials["Red"].node_tree
+    noise, shader = tree.nodes.new("ShaderNodeTexNoise"), tree.nodes["Diffuse BSDF"]
+    tree.links.new(noise.outputs["Color"], noise.inputs["Vector"])
+    tree.links.new(noise.outputs["Color"], shader.inputs["Color"])
+    (text,) = read().warnings
+    assert text.startswith("material 'Red' on object 'Floor': Color comes from 'Noise Texture', which is not read")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    shader.inputs["Color"].default_value = (0.4, 0.4, 0.4, 1.0)
+    tree.links.remove(shader.inputs["Color"].links[0])
+    tree.links.new(shader.outputs[0], mix.inputs[1])
+    tree.links.new(mix.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    (text,) = read().warnings
+    assert text == "material 'Red' on object 'Floor': shader 'Mix Shader' is made of itself: left out there"
