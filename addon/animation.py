@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -49,12 +50,24 @@ class Frames:
         number = self._numbers[len(self._done)]
         context.scene.frame_set(number)
         name = f"{context.scene.fmm_radiosity.attribute_name} {number:04d}"
-        return bake.read(context, name=name, **output)
+        with self._named():
+            return bake.read(context, name=name, **output)
 
     def compute(self, data: bake.Input, settings: fmm_core.Settings, progress: Progress | None) -> bake.Result:
         """Solve the frame that was read."""
         start, count = len(self._done), len(self._numbers)
-        return bake.compute(data, settings, part(progress, start / count, (start + 1) / count), self._session)
+        with self._named():
+            return bake.compute(data, settings, part(progress, start / count, (start + 1) / count), self._session)
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """Let errors name the frame that is not done yet."""
+        try:
+            yield
+        except fmm_core.Cancelled:
+            raise
+        except fmm_core.Error as error:
+            raise fmm_core.Error(f"frame {self._numbers[len(self._done)]}: {error}") from None
 
     def take(self, result: bake.Result) -> None:
         """Keep what is to be written of the frame that was solved."""
@@ -101,8 +114,16 @@ class Frames:
             "frames": lines,
             "seconds": seconds,
             "counts": reports[-1]["counts"] | {"rays": sum(line["rays"] for line in lines)},
-            "warnings": list(dict.fromkeys(warning for report in reports for warning in report["warnings"])),
+            "warnings": self._warnings(),
         }
+
+    def _warnings(self) -> list[str]:
+        """Those of all frames, each once; what is not true of all of them names the first that it is of."""
+        numbers: dict[str, list[int]] = {}
+        for frame in self._done:
+            for text in dict.fromkeys(frame.report["warnings"]):
+                numbers.setdefault(text, []).append(frame.number)
+        return [text if len(of) == len(self._done) else f"frame {of[0]}: {text}" for text, of in numbers.items()]
 
 
 def solve(

@@ -74,11 +74,24 @@ def test_what_fails_half_way_changes_nothing(moving):
     before = {mesh.name: baked(mesh) for mesh in bpy.data.meshes}
     floor = bpy.data.meshes["Floor"]
     floor.attributes.new("Radiosity 0003", "FLOAT", "POINT")
-    with pytest.raises(RuntimeError, match="rename it"):
+    with pytest.raises(RuntimeError, match=r"frame 3: .*rename it"):
         bpy.ops.fmm_radiosity.bake_frames()
     assert moving.frame_current == 2
     assert set(map(tuple, names().values())) == {("Radiosity",)}
     assert all((baked(mesh) == before[mesh.name]).all() for mesh in bpy.data.meshes)
+
+
+def test_a_warning_names_the_frame_unless_it_is_true_of_all(fmm, moving):
+    box, lamp = bpy.data.objects["Box"], bpy.data.objects["Lamp"]
+    lamp.is_holdout = True
+    for frame, hidden in ((1, False), (2, True), (3, True)):
+        box.hide_viewport = hidden
+        box.keyframe_insert("hide_viewport", frame=frame)
+    moving.frame_set(1)
+    assert bpy.ops.fmm_radiosity.bake_frames() == {"FINISHED"}
+    holdout, hidden = fmm.session.session.report["warnings"]
+    assert holdout.startswith("object 'Lamp' is a holdout")
+    assert hidden == "frame 2: object 'Box' is hidden in the viewport: left out"
 
 
 def test_a_cancelled_range_changes_nothing(fmm, moving):
