@@ -28,6 +28,8 @@ LEAST_ROUGHNESS = 0.1
 GRAZING = 1e-3
 #: What counts as nothing, 1/sr.
 FLOOR = 1e-12
+#: More of it, 1/sr, is no measurement.
+MOST = 1e9
 #: Steps of theta_h by which directions are chosen, and share of the directions that are even by cosine.
 STEPS, BY_COSINE = 720, 0.25
 #: Cosines at which the albedo is found, and the directions of each.
@@ -83,6 +85,8 @@ class Brdf:
             raise Error(f"'{path}' has numbers that are not finite")
         # What could not be measured is negative there.
         table = np.maximum(np.moveaxis(values.reshape(3, *SHAPE), 0, 3) * MERL_SCALE, 0.0)
+        if table.max() > MOST:
+            raise Error(f"'{path}' reflects {table.max():g} per steradian, expected at most {MOST:g}")
         return cls(table.astype(np.float32))
 
     @property
@@ -145,6 +149,8 @@ class Brdf:
         """
         ends = np.cos(RIGHT * (np.arange(STEPS + 1) / STEPS) ** 2)
         near = self.table[:, : SHAPE[1] // 2].mean(axis=(1, 2)).sum(axis=1)
+        # Where nothing is reflected any direction will do.
+        near = near if near.any() else np.ones_like(near)
         middles = (np.arange(STEPS) + 0.5) / STEPS
         weights = np.interp(SHAPE[0] * middles, np.arange(SHAPE[0]), near) * np.cos(RIGHT * middles**2)
         solid = 2 * np.pi * (ends[:-1] - ends[1:])

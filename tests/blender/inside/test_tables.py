@@ -75,9 +75,17 @@ def test_a_file_beside_the_blend_is_found_and_even_reflection_is_diffuse(plate, 
     assert found.mean(axis=0) == pytest.approx(even.mean(axis=0), rel=0.01)
 
 
+def test_a_file_that_reflects_nothing_is_black(plate, read, tmp_path):
+    plate.fmm_radiosity.brdf = str(saved(tmp_path / "black.binary", np.zeros((*SHAPE, 3))))
+    # What counts as nothing is 1e-12 per steradian.
+    assert read().albedo[-1].max() < 1e-11
+    assert view().max() < 1e-11
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
+        (np.append(np.array(SHAPE, "<i4").view("<f4"), np.full(6 * np.prod(SHAPE), 1e38, "<f4")).tobytes(), "reflects"),
         (None, "cannot be read: No such file"),
         (b"\0" * 50, "is no BRDF"),
         (np.array(SHAPE, "<i4").tobytes(), "is no BRDF"),
