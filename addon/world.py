@@ -22,6 +22,7 @@ _SAMPLES = 4
 _BRIGHT, _AROUND = 0.02, 3
 _BRIGHT_SAMPLES = 500_000
 _MOST_SAMPLES = 4096
+_OUTPUT = "ShaderNodeOutputWorld"
 
 
 def read_world(scene: bpy.types.Scene) -> tuple[fmm_core.Sky | None, list[str]]:
@@ -49,7 +50,7 @@ def _constant(world: bpy.types.World) -> np.ndarray | None:
     """Radiance (3,) where that is the same all around, and plain to see."""
     if without_nodes(world):
         return np.array(world.color[:], np.float64)
-    outputs = [node for node in world.node_tree.nodes if node.bl_idname == "ShaderNodeOutputWorld"]
+    outputs = [node for node in world.node_tree.nodes if node.bl_idname == _OUTPUT]
     output = next((node for node in outputs if node.is_active_output), None)
     links = output.inputs["Surface"].links if output is not None else ()
     if not links:
@@ -75,6 +76,7 @@ def _picture(scene: bpy.types.Scene) -> np.ndarray:
     """Radiance (H,W,3), rows from the top and columns as `fmm_core.Sky` has them."""
     import bpy
 
+    before = set(bpy.data.images)
     copy = bpy.data.scenes.new("Radiosity world")
     camera = bpy.data.cameras.new("Radiosity world")
     eye = bpy.data.objects.new("Radiosity world", camera)
@@ -92,6 +94,9 @@ def _picture(scene: bpy.types.Scene) -> np.ndarray:
         bpy.data.objects.remove(eye)
         bpy.data.cameras.remove(camera)
         bpy.data.scenes.remove(copy)
+        # Blender makes one for the result of its first render.
+        for made in set(bpy.data.images) - before:
+            bpy.data.images.remove(made)
     return image
 
 
@@ -103,6 +108,10 @@ def _set_up(copy: bpy.types.Scene, scene: bpy.types.Scene, eye: bpy.types.Object
     owner.panorama_type = "EQUIRECTANGULAR"
     eye.rotation_euler = (np.pi / 2, 0.0, -np.pi / 2)
     copy.camera, copy.world = eye, scene.world.copy()
+    # What is in the way of the sky is not part of it.
+    tree = copy.world.node_tree
+    for link in [link for link in tree.links if link.to_socket.name == "Volume" and link.to_node.bl_idname == _OUTPUT]:
+        tree.links.remove(link)
     # Nothing is lit, so that nothing must be known of where the world is bright.
     copy.world.cycles.sampling_method = "NONE"
     copy.frame_set(scene.frame_current)

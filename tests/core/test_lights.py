@@ -225,6 +225,10 @@ def test_a_lamp_near_a_wall_sends_on_all_its_light_however_small_its_spot(distan
     assert (solution.particles.weights * solution.radiosity[:, 0]).sum() == pytest.approx(1.0, rel=0.02)
 
 
+def test_nothing_of_a_black_picture_stands_out():
+    assert Sky(np.zeros((8, 16, 3))).bright is None
+
+
 def test_furnace_under_an_even_sky_is_a_furnace():
     # A lid that is replaced by sky of the same radiosity changes nothing.
     room = shapes.room()

@@ -63,8 +63,8 @@ class Sky:
     @cached_property
     def _parts(self) -> tuple[Points, "Bright | None"]:
         """The image less its bright parts, of few rows, and these."""
-        if self.is_even:
-            return self.radiance, None
+        if self.is_even or self.is_black:
+            return self.radiance[:1, :1], None
         solid = _solid_angles(self.radiance.shape)
         brightness, limit = self.radiance.mean(axis=2), np.inf
         for _ in range(ROUNDS):

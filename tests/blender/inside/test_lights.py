@@ -201,13 +201,23 @@ def test_world_of_any_nodes_is_a_picture_and_nothing_is_left_behind(build, read)
     kinds = "scenes", "worlds", "cameras", "objects", "images"
     before = [len(getattr(bpy.data, kind)) for kind in kinds]
     arrays = read()
-    assert before[:4] == [len(getattr(bpy.data, kind)) for kind in kinds][:4]
+    assert before == [len(getattr(bpy.data, kind)) for kind in kinds]
     assert bpy.context.scene.world.cycles.sampling_method == "AUTOMATIC"
     assert arrays.warnings == ()
     # Red from +x, green from +y, blue from above: a surface that looks there gets 2/3 pi of it, its colour alone.
     floor = fmm_core.solve(fmm_core.Scene(arrays.triangles - [0.5, 0.5, 50], 0.0, sky=arrays.sky))
     found = floor.irradiance(np.zeros((3, 3)), np.eye(3))
     assert np.diag(found) == pytest.approx([2 * math.pi / 3] * 3, rel=0.01)
+
+
+def test_a_world_whose_picture_is_black_gives_no_light(build, read):
+    build.room()
+    tree, background = world(strength=1.0)
+    picture = tree.nodes.new("ShaderNodeTexEnvironment")
+    picture.image = bpy.data.images.new("Night", 8, 4)
+    tree.links.new(picture.outputs["Color"], background.inputs["Color"])
+    arrays = read()
+    assert (arrays.sky, arrays.warnings) == (None, ())
 
 
 def test_default_scene_bakes():
