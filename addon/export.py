@@ -366,6 +366,8 @@ class Reading:
         arrays["two_sided"] = two_sided(self.shapes) & ~arrays.pop("one_sided")
         for rays, cells in self.cells.items():
             arrays[rays] = _opacity(arrays[rays], cells)
+        if not arrays["opacity"].mean.any():
+            raise Error(f"no mesh of scene '{scene}' has a face that stops light of surfaces{because}")
         if not self.shaded:
             del arrays["shade"]
         return SceneArrays(

@@ -37,7 +37,9 @@ def volume_of(name: str, triangles: np.ndarray, absorption: np.ndarray, closed: 
 
     Raises fmm_core.Error naming the object where there is no inside.
     """
-    size = (triangles[:, 0] * np.cross(triangles[:, 1], triangles[:, 2])).sum()
+    # Far away from the origin it would be lost in rounding.
+    a, b, c = (triangles - triangles[:1, :1]).transpose(1, 0, 2)
+    size = (a * np.cross(b, c)).sum()
     if not closed or size == 0:
         raise fmm_core.Error(f"object '{name}': its mesh is not closed, its volume is left out")
     return fmm_core.Volume(triangles if size > 0 else triangles[:, ::-1], absorption)
@@ -48,8 +50,20 @@ def volume_node(owner: bpy.types.World | bpy.types.Material | None) -> bpy.types
     if owner is None or without_nodes(owner):
         return None
     nodes = [node for node in owner.node_tree.nodes if node.bl_idname in _OUTPUTS and node.is_active_output]
-    links = nodes[0].inputs["Volume"].links if nodes else ()
-    return links[0].from_node if links else None
+    socket = nodes[0].inputs["Volume"] if nodes else None
+    while socket is not None:
+        link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
+        if link is None:
+            return None
+        node = link.from_node
+        if node.bl_idname == "NodeReroute":
+            socket = node.inputs[0]
+        elif node.mute:
+            passes = (each.from_socket for each in node.internal_links if each.to_socket == link.from_socket)
+            socket = next(passes, None)
+        else:
+            return node
+    return None
 
 
 def _of_absorption(inputs: bpy.types.NodeInputs) -> tuple[np.ndarray, list[str]]:

@@ -103,6 +103,18 @@ def test_measured_error_knows_the_medium(points):
     assert np.abs(solution.irradiance(*points) - clear).max() > 0.3 * clear.mean()
 
 
+def test_the_plan_says_what_light_does_not_get_through():
+    sun, floor = SunLight((0, 0, -1), 1.0), TWO_BLOCKS[:2]
+    effects = plan(fmm_core.Scene(floor, 0.5, 1.0, sky=Sky(1.0), lights=[sun], medium=0.1), fmm_core.Settings())
+    assert not effects["sky"].used
+    assert effects["sky"].why == "no light of the sky gets through the medium"
+    assert not effects["lamps"].used
+    assert effects["lamps"].why.startswith("no lamp's light gets through the medium")
+    left = plan(fmm_core.Scene(floor, 0.5, 1.0, sky=Sky(1.0), lights=[sun], medium=[0, 0.1, 0.1]), fmm_core.Settings())
+    assert left["sky"].used
+    assert left["lamps"].used
+
+
 def test_the_plan_says_what_it_takes_and_can_be_overruled():
     scene = fmm_core.Scene(TWO_BLOCKS, 0.5, EMISSION, medium=[0.0, 0.0, np.log(2) / 3])
     assert plan(scene, fmm_core.Settings())["medium"].why == "a medium takes half of the light on 3 m"

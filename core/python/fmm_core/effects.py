@@ -31,7 +31,12 @@ def plan(scene: Scene, settings: Settings) -> dict[str, Effect]:
     forced |= settings.effects
     inside = _within(scene, forced.get("medium") is not False)
     named = zip(EFFECTS, decisions, strict=True)
-    return {name: _forced(decide(scene if name == "medium" else inside), forced.get(name)) for name, decide in named}
+    found = {name: _forced(decide(scene if name == "medium" else inside), forced.get(name)) for name, decide in named}
+    if scene.sky is not None and inside.sky is None:
+        found["sky"] = Effect(False, "no light of the sky gets through the medium")
+    if _lamps(scene).used and not _lamps(inside).used:
+        found["lamps"] = Effect(False, "no lamp's light gets through the medium: suns are infinitely far away")
+    return found
 
 
 def planned(scene: Scene, effects: dict[str, Effect]) -> Scene:

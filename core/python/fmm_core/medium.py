@@ -27,7 +27,8 @@ class Volume:
         corners = numbers("volume", self.triangles)
         if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not np.isfinite(corners).all():
             raise Error(f"volume: expected finite triangles of shape (T, 3, 3), got {corners.shape}")
-        a, b, c = corners.transpose(1, 0, 2)
+        # Far away from the origin it would be lost in rounding.
+        a, b, c = (corners - corners[:1, :1]).transpose(1, 0, 2)
         size = float((a * np.cross(b, c)).sum())
         if not size > 0:
             raise Error(f"volume: its triangles hold {size / 6:g} m^3, expected a closed mesh seen from outside")

@@ -4,6 +4,7 @@
 import bpy
 import numpy as np
 import pytest
+from fmm_core import Error
 
 
 @pytest.fixture
@@ -24,6 +25,9 @@ def fill(build):
     build.room()
     bpy.context.scene.world = bpy.data.worlds.new("Fog")
     return fill
+
+
+WORLD = "ShaderNodeOutputWorld", "ShaderNodeVolumeScatter"
 
 
 def world(fill, shader, **inputs):
@@ -104,3 +108,56 @@ def test_a_bake_in_fog_is_darker_and_says_why(fill, fmm):
     # The lamp is 2 m above.
     share = foggy.colours[rows].sum() / clear.colours[rows].sum()
     assert np.exp(-3.0) < share < np.exp(-1.5)
+
+
+def test_what_is_muted_absorbs_nothing_and_reroutes_are_passed(fill, read):
+    node = world(fill, "ShaderNodeVolumeAbsorption", Color=(0.0, 0.0, 0.0, 1.0), Density=2.0)
+    tree = bpy.context.scene.world.node_tree
+    end = tree.nodes["World Output"].inputs["Volume"]
+    node.mute = True
+    assert (read().medium == 0).all()
+    node.mute = False
+    end.links[0].is_muted = True
+    assert (read().medium == 0).all()
+    reroute = tree.nodes.new("NodeReroute")
+    tree.links.new(node.outputs[0], reroute.inputs[0])
+    tree.links.new(reroute.outputs[0], end)
+    assert read().medium == pytest.approx(2.0)
+
+
+def test_a_volume_far_from_the_origin_absorbs(fill, read, build):
+    cube = build.cube("Pudding", jelly(build, fill))
+    cube.rotation_euler = (0.1, 0.2, 0.3)
+    for far in (1e7, -1e7, 3e7, -3e7):
+        cube.location = (far, -2 * far, 0.5 * far)
+        arrays = read()
+        (volume,) = arrays.volumes
+        a, b, c = (volume.triangles - volume.triangles[0, 0]).transpose(1, 0, 2)
+        assert (a * np.cross(b, c)).sum() / 6 == pytest.approx(1.0)
+        assert arrays.warnings == ()
+
+
+def test_nothing_but_volumes_stops_no_light(fill, read, build):
+    for obj in list(bpy.data.objects):
+        bpy.data.objects.remove(obj)
+    build.cube("Pudding", jelly(build, fill))
+    lamp = bpy.data.objects.new("Point", bpy.data.lights.new("Point", "POINT"))
+    bpy.context.scene.collection.objects.link(lamp)
+    with pytest.raises(Error, match=r"^no mesh of scene 'Scene' has a face that stops light of surfaces"):
+        read()
+
+
+def test_a_volume_does_not_hide_the_picture_of_the_sky(fill, read):
+    tree = bpy.context.scene.world.node_tree or fill(bpy.context.scene.world, *WORLD).id_data
+    sky = tree.nodes.new("ShaderNodeTexSky")
+    sky.sky_type = bpy.types.ShaderNodeTexSky.bl_rna.properties["sky_type"].enum_items[0].identifier
+    background = tree.nodes.get("Background") or tree.nodes.new("ShaderNodeBackground")
+    tree.links.new(sky.outputs[0], background.inputs["Color"])
+    tree.links.new(background.outputs[0], tree.nodes["World Output"].inputs["Surface"])
+    for link in tree.nodes["World Output"].inputs["Volume"].links:
+        tree.links.remove(link)
+    images = list(bpy.data.images)
+    clear = read().sky.radiance
+    world(fill, "ShaderNodeVolumeScatter")
+    assert read().sky.radiance == pytest.approx(clear, rel=1e-4)
+    assert list(bpy.data.images) == images
