@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import fmm_core
 import numpy as np
 from fmm_core.progress import part
 
@@ -20,6 +19,7 @@ from .session import Session
 
 if TYPE_CHECKING:
     import bpy
+    import fmm_core
 
 
 @dataclass(frozen=True)
@@ -34,14 +34,13 @@ class Frame:
 class Frames:
     """Bakes frame after frame of a scene: `read` and `take` in the main thread, `compute` in any.
 
-    Where only lights and colours change from a frame to the next its visibility is used again, and where something
-    moves that of all rays that do not pass it.
+    Where only lights and colours change from a frame to the next, its visibility is used again.
     """
 
     def __init__(self, numbers: Sequence[int]) -> None:
         self._numbers = numbers
         self._done: list[Frame] = []
-        self._session = Session(moving=fmm_core.MovingVisibility())
+        self._session = Session()
 
     def read(self, context: bpy.types.Context, **output: object) -> bake.Input | None:
         """Go to the next frame and read it, output as in `bake.read`; None once all are done."""

@@ -47,10 +47,10 @@ class Session:
     running: the bake under way or None; report: that of the last finished bake or None; effects: which ones the scene
     called for when it was last looked at, as in a report, or None; solution: what it solved, which serves the next bake
     where only lights and colours have changed, or None; places: where its light was found; map_top: the error that the
-    brightest colour of the error map stands for, or None; moving: what its rays met, where more than that changes from
-    bake to bake, or None; pace: how much longer bakes take on this machine than `estimate` has it; views: how 3D views
-    were shaded before they showed the result; problem: why the colours do not follow the lights at the moment, or None;
-    threads_late: whether the wanted number of threads came too late for this process
+    brightest colour of the error map stands for, or None; pace: how much longer bakes take on this machine than
+    `estimate` has it; views: how 3D views were shaded before they showed the result; problem: why the colours do not
+    follow the lights at the moment, or None; threads_late: whether the wanted number of threads came too late for this
+    process
     """
 
     running: Running | None = None
@@ -58,7 +58,6 @@ class Session:
     effects: dict[str, dict] | None = None
     solution: fmm_core.Solution | None = None
     places: Places | None = None
-    moving: fmm_core.MovingVisibility | None = None
     map_top: float | None = None
     pace: float = 1.0
     views: dict[int, dict[str, object]] = field(default_factory=dict)

@@ -165,7 +165,7 @@ def solved(
         raise fmm_core.Error("more than lights and colours has changed since the last bake: bake again")
     # Two at a time may be too much for the memory.
     solution = session.solution = None
-    kept = _load(data.kept, warnings) if session.moving is None else session.moving
+    kept = _load(data.kept, warnings)
     return fmm_core.solve_at(scene, settings, *places.asked, part(progress, 0.0, 0.9), kept, places.effort)
 
 

@@ -12,7 +12,7 @@ import time
 import numpy as np
 from common import Array, Row, print_rows, relative_l2
 from cycles_bake import Mesh, gridded
-from fmm_core import MovingVisibility, Scene, Settings, Solution, solve
+from fmm_core import Scene, Settings, Solution, solve
 from fmm_core.direct import DirectSpace
 from fmm_core.reference import Reference
 from fmm_core.settings import RAYS as DEFAULT_RAYS
@@ -114,12 +114,10 @@ def clutter_mesh(vertices: int, objects: int = 72) -> Mesh:
     return Mesh(*clutter(objects, max(1, level)))
 
 
-def timed_bake(
-    scene: Scene, settings: Settings, points: tuple[Array, Array], kept: MovingVisibility | None = None
-) -> tuple[Solution, Array, float]:
+def timed_bake(scene: Scene, settings: Settings, points: tuple[Array, Array]) -> tuple[Solution, Array, float]:
     """The solution, the irradiance at the points, and the seconds of both."""
     start = time.perf_counter()
-    solution = solve(scene, settings, kept=kept)
+    solution = solve(scene, settings)
     irradiance = solution.irradiance(*points)
     return solution, irradiance, time.perf_counter() - start
 

@@ -56,14 +56,6 @@ def test_fitted_colours_are_nearer_to_the_light_on_the_faces_than_those_at_verti
     assert all(0 < row["fit_l2_error"] < 0.85 * row["points_l2_error"] < 0.1 for row in rows)
 
 
-def test_a_frame_in_which_something_moves_is_compared():
-    done = run("animation", "--json")
-    assert done.returncode == 0, done.stderr
-    (row,) = json.loads(done.stdout)
-    assert 0 < row["share_of_fresh_rays"] < 0.6
-    assert row["difference"] < 1e-9
-
-
 def test_effects_are_compared_with_and_without():
     done = run("effects", "--json")
     assert done.returncode == 0, done.stderr

@@ -11,7 +11,6 @@ from .harmonics import irradiance_of, matched
 from .kept import KeptVisibility
 from .lights import AreaLight, Light, PointLight, SpotLight, SunLight
 from .medium import Volume
-from .moving import MovingVisibility
 from .opacity import Opacity
 from .scene import MAX_ALBEDO, Scene
 from .settings import EFFECTS, Settings
@@ -31,7 +30,6 @@ __all__ = [
     "Gloss",
     "KeptVisibility",
     "Light",
-    "MovingVisibility",
     "Opacity",
     "OutputPoints",
     "PointLight",

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from .direct_light import LIGHTING, Receivers
 from .iteration import iterate
-from .moving import Kept
+from .kept import KeptVisibility
 from .multipole import MultipoleSpace, particle_rays
 from .progress import Progress, Tick, silent, ticker
 from .report import Report
@@ -34,7 +34,7 @@ class Exchange:
         if isinstance(self.space, MultipoleSpace):
             self.space.use(settings)
 
-    def block(self, scene: Scene, kept: Kept | None) -> bool:
+    def block(self, scene: Scene, kept: KeptVisibility | None) -> bool:
         """Gives lamps and sky shadows where the scene had been solved without any; whether that was so."""
         if self.space.sums.occlusion is not None:
             return False

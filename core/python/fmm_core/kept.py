@@ -191,14 +191,13 @@ class Replaying:
 
 def _pack(met: Any, query: str, output: bool) -> bytes:
     if output:
-        return b"".join(part.tobytes() for part in (met["primID"].astype(np.int32), steps(met["u"]), steps(met["v"])))
+        return b"".join(part.tobytes() for part in (met["primID"].astype(np.int32), _steps(met["u"]), _steps(met["v"])))
     if query == "TRANSMITTED":
-        return steps(met).tobytes()
+        return _steps(met).tobytes()
     return np.packbits(met == 0).tobytes() if query == "OCCLUDED" else met.astype(np.int32).tobytes()
 
 
-def steps(shares: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """Shares from 0 to 1 in `HIT_STEPS`."""
+def _steps(shares: NDArray[np.float32]) -> NDArray[np.uint16]:
     return np.round(np.clip(shares, 0, 1) * np.float32(HIT_STEPS)).astype(np.uint16)
 
 

@@ -20,8 +20,8 @@ from .fit import Sight, VertexFit
 from .gloss import Gloss, Shine
 from .harmonics import Tilted
 from .incident import Incident
+from .kept import KeptVisibility
 from .lights import Light
-from .moving import Kept
 from .multipole import MultipoleSpace
 from .particles import Particles, serve
 from .progress import Progress, Tick, silent, ticker
@@ -54,7 +54,7 @@ class Solution:
         exchange: Exchange,
         radiosity: NDArray[np.float64],
         report: Report,
-        kept: Kept | None,
+        kept: KeptVisibility | None,
         first: Scene,
     ) -> None:
         """planned: what is left of the scene by the plan; first: the scene whose lights the particles were made for."""

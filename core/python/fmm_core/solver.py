@@ -9,7 +9,6 @@ from .effects import plan, planned
 from .errors import Error, memory_errors
 from .exchange import Exchange
 from .kept import KeptVisibility
-from .moving import Kept
 from .multipole import MultipoleSpace
 from .particles import make_particles, serve
 from .progress import Progress
@@ -32,7 +31,7 @@ def solve(
     scene: Scene,
     settings: Settings | None = None,
     progress: Progress | None = None,
-    kept: Kept | None = None,
+    kept: KeptVisibility | None = None,
 ) -> Solution:
     """Solves the radiosity equation B = E + albedo * (direct + irradiance(B)) (eq 1) for a scene.
 
@@ -40,24 +39,28 @@ def solve(
 
     progress(fraction, text) is called now and then; a false answer other than None cancels, which raises `Cancelled`.
     kept: what rays found in earlier solves of these triangles, which is not traced again; what is traced is added.
-    Where it is of no use, a warning of the report says why. A `MovingVisibility` serves where things have moved.
+    Where it is of no use, a warning of the report says why.
     Raises `Error` on bad input or when memory does not suffice.
     """
     settings = Settings() if settings is None else settings
     if not isinstance(scene, Scene) or not isinstance(settings, Settings):
         raise Error(f"solve: expected a Scene and Settings, got {type(scene).__name__} and {type(settings).__name__}")
-    if not isinstance(kept, Kept | None):
+    if not isinstance(kept, KeptVisibility | None):
         raise Error(f"kept: expected KeptVisibility or None, got {type(kept).__name__}")
     return solve_with(scene, settings, settings.begin(), progress, kept)
 
 
-def solve_with(scene: Scene, asked: Settings, used: Settings, progress: Progress | None, kept: Kept | None) -> Solution:
+def solve_with(
+    scene: Scene, asked: Settings, used: Settings, progress: Progress | None, kept: KeptVisibility | None
+) -> Solution:
     """The same with settings that leave nothing open, in place of those that were asked for."""
     with memory_errors():
         return _solve(scene.near_origin(), asked, used, progress, kept)
 
 
-def _solve(whole: Scene, asked: Settings, settings: Settings, progress: Progress | None, kept: Kept | None) -> Solution:
+def _solve(
+    whole: Scene, asked: Settings, settings: Settings, progress: Progress | None, kept: KeptVisibility | None
+) -> Solution:
     effects = plan(whole, settings)
     scene = planned(whole, effects)
     report = Report(settings, scene, effects)
@@ -79,7 +82,7 @@ def _solve(whole: Scene, asked: Settings, settings: Settings, progress: Progress
         buried = occlusion.buried if occlusion and multipole and settings.visibility == "rays" else None
         first = scene if kept is None else kept.first(scene)
         particles = make_particles(first, count, degree, buried)
-        if isinstance(kept, KeptVisibility) and not serve(particles, first, scene):
+        if kept is not None and not serve(particles, first, scene):
             first, particles = scene, make_particles(scene, count, degree, buried)
             report.warnings += kept.remake(scene)
     report.counts.update(triangles=triangles, particles=len(particles))

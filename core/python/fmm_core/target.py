@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .moving import Kept
+from .kept import KeptVisibility
 from .progress import Progress, part, ticker
 from .scene import Scene
 from .settings import MOST_RAYS, POWER, Settings
@@ -33,7 +33,7 @@ def solve_at(
     points: ArrayLike,
     normals: ArrayLike,
     progress: Progress | None = None,
-    kept: Kept | None = None,
+    kept: KeptVisibility | None = None,
     effort: float = 1.0,
 ) -> tuple[Solution, NDArray[np.float64]]:
     """`solve` and the irradiance (M, 3) at points with normals (M, 3), as `Solution.irradiance` finds it.

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
-from .kept import HIT_STEPS, Replaying
-from .moving import Kept, Moving
+from .kept import HIT_STEPS, KeptVisibility, Replaying
 from .opacity import Opacity, SeeThrough
 from .particles import Particles
 from .patterns import around, disc, shifts
@@ -96,7 +95,7 @@ class Occlusion:
     size    the longest side of the box around the triangles
     """
 
-    def __init__(self, scene: Scene, kept: Kept | None = None) -> None:
+    def __init__(self, scene: Scene, kept: KeptVisibility | None = None) -> None:
         self._centre = scene.centre
         self.size, self._scale = scene.size, scene.size / 2
         self.triangles, self._two_sided = scene.triangles, scene.two_sided
@@ -129,7 +128,7 @@ class Occlusion:
     @property
     def replayed(self) -> int:
         """Rays whose answers were kept."""
-        return self._scene.replayed if isinstance(self._scene, Replaying | Moving) else 0
+        return self._scene.replayed if isinstance(self._scene, Replaying) else 0
 
     def _occluded(
         self, origins: NDArray[np.float32], directions: NDArray[np.float32], tracer: Any = None
