@@ -14,7 +14,6 @@ use crate::octree::Octree;
 use crate::rays::Frame;
 use crate::surface::Surface;
 use crate::vector::{add, dot, norm, scale, sub};
-use crate::visibility::hash;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -24,10 +23,6 @@ use std::sync::OnceLock;
 const GOLDEN: f64 = 0.618_033_988_749_894_8;
 /// The generators of the R2 sequence: Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
 const R2: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
-
-/// Numbers of spirals, and what tells their hashes from those of links.
-const MOST: u64 = 1 << 24;
-const APART: u64 = 3 << 32;
 
 /// Cosine up to which a direction lies along the surface.
 const ALONG: f64 = 0.2;
@@ -130,15 +125,12 @@ impl Gather {
     pub fn rays(&self, targets: &Octree, frame: &Frame, leaves: Range<usize>) -> GatherRays {
         let mut rays = GatherRays::default();
         for open in &self.leaves[leaves] {
-            let points = targets.points_of(open.leaf as usize);
-            // By its number in the scene, so that what moves elsewhere leaves the rays as they are.
-            let first = (hash(u64::from(targets.to_scene[points.start]) + APART) % MOST) as f64;
-            for (row, i) in points.enumerate() {
+            for i in targets.points_of(open.leaf as usize) {
                 let (x, n) = (targets.positions[i], targets.normals[i]);
                 let (s, t) = tangents(n);
                 let origin = frame.start(x, n);
                 // Points next to each other have spirals of their own, so that their errors differ.
-                let [shift, turn] = R2.map(|r| (r * (first + row as f64 + 0.5)).fract());
+                let [shift, turn] = R2.map(|r| (r * (i as f64 + 0.5)).fract());
                 for k in 0..self.density {
                     let at = [(k as f64 + shift) / self.density as f64, GOLDEN * k as f64 + turn];
                     let d = cosine_direction(n, s, t, at);

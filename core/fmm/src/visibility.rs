@@ -203,7 +203,7 @@ impl Visibility {
                 continue;
             }
             for (row, i) in view.targets.points_of(leaf.leaf as usize).enumerate() {
-                let turn = hash(u64::from(view.targets.to_scene[i]));
+                let turn = hash(i as u64);
                 let first = |place: &usize| (*place as u64 ^ turn).is_multiple_of(stride);
                 let draw = |place: usize| view.draw(links, links.run(leaf, place), i, turn);
                 let mut ask = |place: usize| {
@@ -305,8 +305,7 @@ impl View {
 
     /// The source of a run that a point is asked to see, drawn by what it gets from there.
     fn draw(&self, links: &Links, run: &Run, i: usize, turn: u64) -> usize {
-        let first = u64::from(self.sources.to_scene[run.points.start as usize]);
-        let random = unit(hash(turn ^ first << 32));
+        let random = unit(hash(turn ^ u64::from(run.points.start) << 32));
         links.runs.point(self.targets.positions[i], self.targets.normals[i], run, &self.weights, random)
     }
 
