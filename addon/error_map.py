@@ -51,6 +51,16 @@ def shown(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> bool:
     return any(obj.type == "MESH" and obj.data.attributes.active_color_name == name for obj in layer.objects)
 
 
+def check(data: solving.Input) -> None:
+    """Raise fmm_core.Error where there are no colours to map, or the map could not be written; before a solve."""
+    import bpy
+
+    meshes = [bpy.data.meshes[receiver.mesh, None] for receiver in data.scene.receivers]
+    if not any(data.output.name in mesh.color_attributes for mesh in meshes):
+        raise fmm_core.Error(f"no mesh has colours '{data.output.name}': bake first")
+    attributes.check(data.scene.receivers, _output(data))
+
+
 def compute(data: solving.Input, settings: fmm_core.Settings, progress: Progress | None, session: Session) -> ErrorMap:
     """The map of the scene as it is lit now, by the solution of the last bake; away from Blender, in any thread.
 
@@ -70,8 +80,12 @@ def compute(data: solving.Input, settings: fmm_core.Settings, progress: Progress
     shares = errors / usual if usual > 0 else errors
     top = _rounded(np.quantile(shares, _SHOWN))
     colours = coloured(shares / top)[places.points.inverse]
-    output = attributes.Output(f"{data.output.name} Error", domain=data.output.domain)
+    output = _output(data)
     return ErrorMap(attributes.Layers(arrays.receivers, {output.name: colours}, output, rendered=False), top)
+
+
+def _output(data: solving.Input) -> attributes.Output:
+    return attributes.Output(f"{data.output.name} Error", domain=data.output.domain)
 
 
 def _rounded(share: float) -> float:

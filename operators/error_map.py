@@ -42,6 +42,12 @@ class FMM_RADIOSITY_OT_error_map(Threaded, bpy.types.Operator):
         """In a thread of its own, where there is a window."""
         return _back(context) or super().invoke(context, event)
 
+    def read(self, context: bpy.types.Context) -> bake.Input:
+        """Read the scene, and check that the map can be written."""
+        data = super().read(context)
+        error_map.check(data)
+        return data
+
     def solve(
         self, data: bake.Input, settings: fmm_core.Settings, progress: bake.Progress | None
     ) -> error_map.ErrorMap:

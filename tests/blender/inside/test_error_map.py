@@ -60,6 +60,19 @@ def test_map_leaves_relighting_without_rays_and_is_undone_in_one_step(room, fmm)
     assert fmm.session.session.report["counts"]["rays"] == 0
 
 
+@pytest.mark.parametrize(("taken", "why"), [(True, "'Radiosity Error' of type FLOAT"), (False, "'Light'.*bake first")])
+def test_a_map_that_could_not_be_shown_is_refused_before_the_solve(room, fmm, monkeypatch, taken, why):
+    assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+    if taken:
+        room.attributes.new("Radiosity Error", "FLOAT", "POINT")
+    else:
+        bpy.context.scene.fmm_radiosity.attribute_name = "Light"
+    monkeypatch.setattr(fmm.error_map, "compute", lambda *_: pytest.fail("it was solved"))
+    with pytest.raises(RuntimeError, match=f"^Error: .*{why}"):
+        bpy.ops.fmm_radiosity.error_map()
+    assert room.attributes.active_color_name == "Radiosity"
+
+
 def test_map_of_another_geometry_is_refused(room):
     assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
     room.vertices[0].co.z += 0.2
