@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 #: Parts of triangles whose colour varies are this many times smaller than the scene.
 DETAIL = 32
 
+#: What a renderer would show besides.
+_LEFT_OUT = {"VOLUME": "a volume", "CURVES": "hair", "POINTCLOUD": "points"}
+
 # Stands for names in a remark; no name in Blender holds it.
 _OBJECTS = "\0"
 
@@ -206,6 +209,8 @@ class Reading:
             if data is not None and len(data.polygons):
                 self.add(instance, data)
             obj.to_mesh_clear()
+        elif obj.type in _LEFT_OUT:
+            self.remark(f"object '{obj.name}' ({_LEFT_OUT[obj.type]}) is not simulated: left out")
         elif obj.type == "MESH" and len(obj.data.polygons):
             self.add(instance, obj.data)
         elif obj.type == "MESH":

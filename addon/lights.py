@@ -12,7 +12,7 @@ import numpy as np
 
 from . import ray_flags
 from .node_readers import plain
-from .node_values import Points, Unreadable, Values
+from .node_values import Unreadable, nowhere
 from .textures import MissingImage
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def _of_nodes(lamp: bpy.types.Light) -> tuple[np.ndarray, list[str]]:
     shader = links[0].from_node
     if shader.bl_idname != "ShaderNodeEmission":
         return one, [f"its node '{shader.name}' is not simulated, its power and colour are used"]
-    values, remarks = Values(Points(_Nowhere(), np.zeros((1, 1), int), np.ones((1, 1))), {}), []
+    values, remarks = nowhere(), []
 
     def found(name: str, find: Callable[[bpy.types.NodeSocket], np.ndarray]) -> np.ndarray:
         socket = shader.inputs[name]
@@ -85,13 +85,6 @@ def _of_nodes(lamp: bpy.types.Light) -> tuple[np.ndarray, list[str]]:
             return plain(socket)[0]
 
     return found("Strength", values.number) * found("Color", values.colour), remarks
-
-
-class _Nowhere:
-    """A lamp has no mesh: what a node asks of one is unreadable."""
-
-    def __getattr__(self, name: str) -> None:
-        raise Unreadable(name)
 
 
 def _is_normalised(lamp: bpy.types.Light) -> bool:

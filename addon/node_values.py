@@ -151,6 +151,16 @@ class Values:
         return node_fields.evaluate(node, socket, given)
 
 
+def nowhere() -> Values:
+    """For trees that belong to no mesh: what a node asks of one is unreadable."""
+    return Values(Points(_Nowhere(), np.zeros((1, 1), int), np.ones((1, 1))), {})
+
+
+class _Nowhere:
+    def __getattr__(self, name: str) -> None:
+        raise Unreadable(name)
+
+
 def _twin(sockets: bpy.types.bpy_prop_collection, of: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     return next(each for each in sockets if each.identifier == of.identifier)
 

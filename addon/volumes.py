@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 import fmm_core
 import numpy as np
 
+from .node_values import Unreadable, nowhere
+from .textures import MissingImage
+
 if TYPE_CHECKING:
     import bpy
 
@@ -22,10 +25,11 @@ def read_volume(owner: bpy.types.World | bpy.types.Material | None) -> tuple[np.
         return np.zeros(3), []
     if node.bl_idname not in _ABSORPTION:
         return np.zeros(3), [f"its volume '{node.name}' is not simulated: left out"]
-    linked = [socket.name for socket in node.inputs if socket.is_linked]
-    if linked:
-        return np.zeros(3), [f"its volume '{node.name}' is not the same everywhere ({', '.join(linked)}): left out"]
-    absorption, remarks = _ABSORPTION[node.bl_idname](node.inputs)
+    try:
+        absorption, remarks = _ABSORPTION[node.bl_idname](node.inputs)
+    except (Unreadable, MissingImage):
+        linked = ", ".join(socket.name for socket in node.inputs if socket.is_linked)
+        return np.zeros(3), [f"its volume '{node.name}' is not the same everywhere ({linked}): left out"]
     if not (np.isfinite(absorption) & (absorption >= 0)).all():
         kind = owner.bl_rna.identifier.lower()
         raise fmm_core.Error(f"{kind} '{owner.name}': its volume absorbs {absorption.min():g} per metre")
@@ -98,5 +102,7 @@ _ABSORPTION = {"ShaderNodeVolumeAbsorption": _of_absorption, "ShaderNodeVolumePr
 
 
 def _value(inputs: bpy.types.NodeInputs, name: str) -> np.ndarray:
-    value = inputs[name].default_value
-    return np.float64(value) if isinstance(value, float) else np.array(value[:3], np.float64)
+    """Of a number, or (3,) of a colour; raises Unreadable or MissingImage where it is not the same everywhere."""
+    socket, values = inputs[name], nowhere()
+    value = (values.number if socket.type == "VALUE" else values.colour)(socket)[0]
+    return np.maximum(value, 0.0) if socket.is_linked and np.isfinite(value).all() else value

@@ -161,3 +161,25 @@ def test_a_volume_does_not_hide_the_picture_of_the_sky(fill, read):
     world(fill, "ShaderNodeVolumeScatter")
     assert read().sky.radiance == pytest.approx(clear, rel=1e-4)
     assert list(bpy.data.images) == images
+
+
+def test_numbers_that_come_from_other_nodes_count_where_they_are_the_same_everywhere(fill, read):
+    node = world(fill, "ShaderNodeVolumePrincipled", Color=(0, 0, 0, 1))
+    tree = bpy.context.scene.world.node_tree
+    value, noise = tree.nodes.new("ShaderNodeValue"), tree.nodes.new("ShaderNodeTexNoise")
+    tree.links.new(value.outputs[0], node.inputs["Density"])
+    tree.links.new(noise.outputs[0], node.inputs["Anisotropy"])
+    for density, absorbs in ((2.0, 2.0), (-1.0, 0.0)):
+        value.outputs[0].default_value = density
+        arrays = read()
+        assert arrays.medium == pytest.approx(absorbs)
+        assert arrays.warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("kind", "what"), [("volumes", "a volume"), ("hair_curves", "hair"), ("pointclouds", "points")]
+)
+def test_objects_that_are_neither_meshes_nor_lamps_are_named(fill, read, kind, what):
+    obj = bpy.data.objects.new("Smoke", getattr(bpy.data, kind).new("Smoke"))
+    bpy.context.scene.collection.objects.link(obj)
+    assert read().warnings == (f"object 'Smoke' ({what}) is not simulated: left out",)
