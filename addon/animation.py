@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import fmm_core
 import numpy as np
 from fmm_core.progress import part
 
@@ -19,7 +20,6 @@ from .session import Session
 
 if TYPE_CHECKING:
     import bpy
-    import fmm_core
 
 
 @dataclass(frozen=True)
