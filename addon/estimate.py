@@ -36,8 +36,8 @@ _SAMPLES, _MOST_SAMPLES, _FIT_RAYS = 6, 300_000, 1.5
 _RAY, _TRIANGLES, _DOUBLED, _PARTICLE, _SAMPLE = 1.9e-7, 1e4, 0.15, 3.5e-5, 2.2e-5
 #: What measuring the error takes, as a share of the rest, and seconds of one core at most.
 _MEASURING, _MOST_MEASURING = 0.25, 2.0
-#: Seconds and MiB that every bake takes; KiB a vertex.
-_LEAST_SECONDS, _LEAST_MIB, _KIB = 0.3, 150, 2.5
+#: Seconds and MiB that every bake takes; KiB a vertex, and for each particle that is asked for.
+_LEAST_SECONDS, _LEAST_MIB, _KIB, _PARTICLE_KIB = 0.3, 150, 2.5, 4
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,8 @@ def predict(vertices: int, settings: fmm_core.Settings, fitted: bool, pace: floa
     if settings.probes:
         seconds += min(_MEASURING * seconds, _MOST_MEASURING / cores)
     seconds *= pace
-    return Cost(vertices, round(rays), seconds, round(_LEAST_MIB + _KIB * vertices / 1024))
+    memory = _LEAST_MIB + (_KIB * vertices + _PARTICLE_KIB * (settings.particles or 0)) / 1024
+    return Cost(vertices, round(rays), seconds, round(memory))
 
 
 def learn(report: dict, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:

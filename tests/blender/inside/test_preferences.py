@@ -21,11 +21,22 @@ def preferences(empty):
 def test_bake_is_not_begun_where_memory_will_not_do(build, preferences):
     build.room()
     preferences.memory_limit = 100
-    with pytest.raises(RuntimeError, match=r"about 150 MiB of memory, more than the limit in the preferences, 100 MiB"):
+    with pytest.raises(RuntimeError, match=r"about 151 MiB of memory, more than the limit in the preferences, 100 MiB"):
         bpy.ops.fmm_radiosity.bake()
     assert all("Radiosity" not in mesh.attributes for mesh in bpy.data.meshes)
     preferences.memory_limit = 1000
     assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+
+
+def test_memory_of_many_light_points_is_foretold(build, preferences):
+    build.room()
+    bpy.context.scene.fmm_radiosity.particles = 400_000
+    # It took 1,675 MiB.
+    preferences.memory_limit = 1300
+    with pytest.raises(RuntimeError, match="more than the limit in the preferences, 1,300 MiB"):
+        bpy.ops.fmm_radiosity.check()
+    preferences.memory_limit = 2100
+    assert bpy.ops.fmm_radiosity.check() == {"FINISHED"}
 
 
 def test_bake_ends_where_it_takes_more_memory(build, fmm, preferences, monkeypatch):
