@@ -19,9 +19,14 @@ class FMM_RADIOSITY_OT_show(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """There is a 3D view."""
-        if not shading.views(context):
+        """There is a 3D view, and it shows colours or has any to show."""
+        views = shading.views(context)
+        if not views:
             cls.poll_message_set("There is no 3D view on the screen")
+            return False
+        meshes = (obj.data for obj in context.view_layer.objects if obj.type == "MESH")
+        if not any(map(shading.shows, views)) and not any(len(mesh.color_attributes) for mesh in meshes):
+            cls.poll_message_set("Bake first")
             return False
         return True
 

@@ -288,6 +288,19 @@ def test_operator_says_why_it_cannot_run(build):
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
+def test_there_is_nothing_to_show_before_a_bake(build, fmm):
+    build.room()
+    bpy.context.view_layer.update()
+    with pytest.raises(RuntimeError, match="Bake first"):
+        bpy.ops.fmm_radiosity.show()
+    assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+    assert bpy.ops.fmm_radiosity.show() == {"FINISHED"}
+    for mesh in bpy.data.meshes:
+        mesh.color_attributes.remove(mesh.color_attributes["Radiosity"])
+    assert bpy.ops.fmm_radiosity.show() == {"FINISHED"}, "the way back is open"
+    assert not bpy.ops.fmm_radiosity.show.poll()
+
+
 def test_operator_reports_errors_in_one_line(build):
     build.quad("Unlit")
     with pytest.raises(RuntimeError, match=r"^Error: nothing in scene 'Scene' gives off light[^\n]*\n?$"):
