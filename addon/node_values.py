@@ -76,9 +76,13 @@ class Values:
     def source(self, socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
         """The output, or the input of a group node, that an input gets its value from; None where nothing is linked.
 
-        Reroutes, muted nodes and the bounds of groups are passed: see `within`.
+        Reroutes, muted nodes and the bounds of groups are passed: see `within`. Raises Unreadable where they go round.
         """
+        passed = set()
         while True:
+            if self._key(socket) in passed:
+                raise Unreadable(socket.node.name)
+            passed.add(self._key(socket))
             link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
             if link is None:
                 return None

@@ -54,20 +54,11 @@ def volume_node(owner: bpy.types.World | bpy.types.Material | None) -> bpy.types
     if owner is None or without_nodes(owner):
         return None
     nodes = [node for node in owner.node_tree.nodes if node.bl_idname in _OUTPUTS and node.is_active_output]
-    socket = nodes[0].inputs["Volume"] if nodes else None
-    while socket is not None:
-        link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
-        if link is None:
-            return None
-        node = link.from_node
-        if node.bl_idname == "NodeReroute":
-            socket = node.inputs[0]
-        elif node.mute:
-            passes = (each.from_socket for each in node.internal_links if each.to_socket == link.from_socket)
-            socket = next(passes, None)
-        else:
-            return node
-    return None
+    try:
+        source = nowhere().source(nodes[0].inputs["Volume"]) if nodes else None
+    except Unreadable:
+        return None
+    return source.node if source is not None and source.is_output else None
 
 
 def _of_absorption(inputs: bpy.types.NodeInputs) -> tuple[np.ndarray, list[str]]:

@@ -271,3 +271,19 @@ def test_nodes_that_are_made_of_themselves_are_named(build, read):
     tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     (text,) = read().warnings
     assert text == "material 'Red' on object 'Floor': shader 'Mix Shader' is made of itself: left out there"
+
+
+def test_a_group_that_only_passes_itself_on_is_named(build, read):
+    build.room()
+    group = bpy.data.node_groups.new("Passes", "ShaderNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Color", in_out=way, socket_type="NodeSocketColor")
+    group.links.new(group.nodes.new("NodeGroupInput").outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
+    tree = bpy.data.materials["Red"].node_tree
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    tree.links.new(node.outputs[0], node.inputs[0])
+    tree.links.new(node.outputs[0], tree.nodes["Diffuse BSDF"].inputs["Color"])
+    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+    (text,) = read().warnings
+    assert text.startswith("material 'Red' on object 'Floor': Color comes from")
