@@ -227,9 +227,12 @@ mod tests {
                 (start, end) = (start.max(a.min(b)), end.min(a.max(b)));
             }
             let inside = (end - start).max(0.0) * norm(way);
+            // Faces are put aside, and where a way grazes them its ends move by so much.
+            let steepest = way.into_iter().map(f64::abs).fold(f64::INFINITY, f64::min) / norm(way);
+            let slack = 2.0 * norm(ASIDE) * norm(size) / steepest;
             let left = filled(size, [0.0, 0.7, 2.0]).left::<3>(from, to);
             for (left, sigma) in left.into_iter().zip([0.0, 0.7, 2.0]) {
-                prop_assert!((left - (-sigma * inside).exp()).abs() < 1e-8);
+                prop_assert!((left - (-sigma * inside).exp()).abs() <= sigma * slack + 1e-12);
             }
         }
 
