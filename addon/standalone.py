@@ -29,6 +29,14 @@ def main(argv: list[str] | None = None) -> int:
         return inside.main(argv)
     finally:
         package.unregister()
+        _forget_drivers()
+
+
+def _forget_drivers() -> None:
+    """Drivers in Python crash the module bpy (4.2) when the interpreter ends, unless what they know is gone."""
+    import bpy
+
+    bpy.app.driver_namespace.clear()
 
 
 def _load_extension() -> ModuleType:

@@ -3,6 +3,8 @@
 
 import json
 import math
+import subprocess
+import sys
 
 import pytest
 
@@ -53,3 +55,21 @@ def test_bake_of_an_example(run, colours, root, tmp_path):
         assert max(values) > 0.1
     # Red and green walls beside white ones: what is written is more than one colour.
     assert len(set(radiance["Room"])) > 1000
+
+
+DRIVEN = """
+import bpy, sys
+bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
+driver = bpy.data.objects["Room"].driver_add("location", 0).driver
+# Not one of the expressions that Blender reads without Python.
+driver.expression = "max([0.0, 0.0])"
+bpy.ops.wm.save_as_mainfile(filepath=sys.argv[2])
+bpy.app.driver_namespace.clear()
+"""
+
+
+def test_a_driver_in_python_does_not_spoil_the_exit_status(run, root, tmp_path):
+    scene, driven = root / "examples" / "cornell_empty.blend", tmp_path / "driven.blend"
+    subprocess.run([sys.executable, "-c", DRIVEN, str(scene), str(driven)], check=True, capture_output=True)
+    done = run("bake", driven, "-o", tmp_path / "out.blend", "--particles", "1", "--probes", "0")
+    assert (done.returncode, done.stderr) == (0, "")
