@@ -14,7 +14,7 @@ SETTINGS = fmm_core.Settings(particles=3000, target_error=0.02)
 @pytest.fixture
 def short(monkeypatch):
     """Few bakes."""
-    tried = {"ALL_RAYS": (20, 400), "ALL_TRUNCATIONS": (0, 4), "ALL_GROUPINGS": (32, 64), "PAPER_RAYS": (50,)}
+    tried = {"ALL_RAYS": (10, 400), "ALL_TRUNCATIONS": (0, 4), "ALL_GROUPINGS": (32, 64), "PAPER_RAYS": (50,)}
     for name, values in tried.items():
         monkeypatch.setattr(studies, name, values)
 
@@ -45,7 +45,7 @@ def test_a_study_bakes_with_all_settings_and_recommends_one_that_meets_the_targe
     seen = []
     done = study(SCENE, SETTINGS, *POINTS, truth, lambda fraction, text: seen.append(fraction))
     bakes = {name: [bake for bake in done.bakes if bake.series == name] for name in {b.series for b in done.bakes}}
-    assert [bake.rays for bake in bakes["rays"]] == [20, 400]
+    assert [bake.rays for bake in bakes["rays"]] == [10, 400]
     assert bakes["rays"][1].error < 0.5 * bakes["rays"][0].error
     assert [bake.truncation for bake in bakes["p"]] == [0, 4]
     assert bakes["p"][1].error < 0.5 * bakes["p"][0].error
