@@ -15,6 +15,7 @@ import numpy as np
 from fmm_core.progress import part
 
 from . import attributes, memory, solving
+from .textures import linear
 
 if TYPE_CHECKING:
     import bpy
@@ -42,7 +43,11 @@ class ErrorMap:
 
 def name_of(scene: bpy.types.Scene) -> str:
     """The attribute of the map, beside that of the bake."""
-    return f"{scene.fmm_radiosity.attribute_name} Error"
+    return _beside(scene.fmm_radiosity.attribute_name)
+
+
+def _beside(name: str) -> str:
+    return f"{name} Error"
 
 
 def shown(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> bool:
@@ -70,12 +75,10 @@ def compute(data: solving.Input, settings: fmm_core.Settings, progress: Progress
     places = solving.places_of(arrays, data.output.colours == "FIT", session)
     solution, gathered = solving.solved(data, settings, places, session, False, [], part(progress, 0.0, 0.2))
     values = places.values(gathered, solution)
-    check = fmm_core.VertexFit(
-        places.points, arrays.corner_position, arrays.corner_normal, arrays.corner_triangles, seed=1
-    )
+    again = solving.fit_of(arrays, places.points, seed=1)
     apart = solution.apart()
-    found = apart.irradiance(check.points, check.normals, part(progress, 0.2, 1.0), EFFORT * check.effort)
-    errors = check.errors(values, found, apart.sight(check))
+    found = apart.irradiance(again.points, again.normals, part(progress, 0.2, 1.0), EFFORT * again.effort)
+    errors = again.errors(values, found, apart.sight(again))
     usual = np.sqrt((found**2).sum(axis=1).mean())
     shares = errors / usual if usual > 0 else errors
     top = _rounded(np.quantile(shares, _SHOWN))
@@ -85,7 +88,7 @@ def compute(data: solving.Input, settings: fmm_core.Settings, progress: Progress
 
 
 def _output(data: solving.Input) -> attributes.Output:
-    return attributes.Output(f"{data.output.name} Error", domain=data.output.domain)
+    return attributes.Output(_beside(data.output.name), domain=data.output.domain)
 
 
 def _rounded(share: float) -> float:
@@ -98,4 +101,4 @@ def coloured(shares: np.ndarray) -> np.ndarray:
     """Linear colours (N,3) for shares (N,) from 0 to 1; what is more counts as 1."""
     steps = np.linspace(0.0, 1.0, len(_RAMP))
     encoded = np.stack([np.interp(shares, steps, channel) for channel in _RAMP.T], axis=1)
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    return linear(encoded)

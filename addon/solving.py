@@ -98,8 +98,7 @@ def places_of(arrays: export.SceneArrays, fitted: bool, session: Session) -> Pla
     last = session.places
     if last is None or (last.fit is not None) != fitted or not all(map(np.array_equal, last.shape, shape)):
         points = points_of(arrays)
-        fit = fmm_core.VertexFit(points, shape[0], shape[1], arrays.corner_triangles) if fitted else None
-        session.places = Places(shape, points, fit)
+        session.places = Places(shape, points, fit_of(arrays, points) if fitted else None)
     return session.places
 
 
@@ -191,6 +190,12 @@ def points_of(arrays: export.SceneArrays) -> fmm_core.OutputPoints:
     return fmm_core.output_points(
         arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangle_centre
     )
+
+
+def fit_of(arrays: export.SceneArrays, points: fmm_core.OutputPoints, seed: int | None = None) -> fmm_core.VertexFit:
+    """Samples on the faces of the receivers, in random places where there is a seed."""
+    corners = arrays.corner_position, arrays.corner_normal, arrays.corner_triangles
+    return fmm_core.VertexFit(points, *corners, seed=seed)
 
 
 def _serves(solution: fmm_core.Solution, scene: fmm_core.Scene, settings: fmm_core.Settings, kept: Path | None) -> bool:

@@ -154,8 +154,8 @@ def judges(mesh: Mesh, coarse: Scene, options: argparse.Namespace) -> tuple[NDAr
 def compare(name: str, mesh: Mesh, coarse: Scene, options: argparse.Namespace) -> list[Row]:
     """A row for each bake of Cycles, one for each of ours, and one that compares it; coarse as in `judges`."""
     sample, exact = judges(mesh, coarse, options)
-    all_settings = [Settings(particles=options.particles, rays=options.rays, probes=0)]
-    all_settings += [replace(all_settings[0], **COARSER[name])]
+    usual = Settings(particles=options.particles, rays=options.rays, probes=0)
+    all_settings = usual, replace(usual, **COARSER[name])
     all_ours = [in_child(ours, mesh, settings, sample) for settings in all_settings]
     their = in_child(cycles, mesh, options.samples, options.threads, sample)
     head = {"scene": name, "vertices": mesh.vertex_count, "corners": len(mesh.corners)}

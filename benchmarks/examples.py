@@ -22,9 +22,14 @@ def _read(name: str) -> tuple[fmm_core.Scene, tuple[Array, Array]]:
     sys.path[:] = [str(ROOT), *(path for path in sys.path if Path(path).resolve() != Path(__file__).parent)]
     import bpy
 
-    from addon.bake import points_of, scene_of
+    from addon import properties
     from addon.export import read
+    from addon.solving import points_of, scene_of
 
+    # Materials are asked for what they have there.
+    for kind in (properties.FMM_RADIOSITY_settings, properties.FMM_RADIOSITY_material):
+        bpy.utils.register_class(kind)
+    properties.register()
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "examples" / f"{name}.blend"), load_ui=False, use_scripts=False)
     arrays = read(bpy.context, "VISIBLE").arrays()
     output = points_of(arrays)

@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_iface as translated
 from ..addon import attributes, error_map, shading
 from ..addon.report import percent
 from ..addon.session import session
-from .threaded import Threaded
+from .threaded import Again
 
 if TYPE_CHECKING:
     import fmm_core
@@ -19,20 +19,12 @@ if TYPE_CHECKING:
     from ..addon import bake
 
 
-class FMM_RADIOSITY_OT_error_map(Threaded, bpy.types.Operator):
+class FMM_RADIOSITY_OT_error_map(Again, bpy.types.Operator):
     """Show where the baked colours are off, found with four times the rays: dark is right, yellow is wrong"""
 
     bl_idname = "fmm_radiosity.error_map"
     bl_label = "Error Map"
     bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """As a bake, and after one."""
-        if session.running is None and session.solution is None:
-            cls.poll_message_set("Bake first")
-            return False
-        return super().poll(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Straight through."""

@@ -9,26 +9,18 @@ import bpy
 
 from ..addon import bake
 from ..addon.session import session
-from .threaded import Threaded
+from .threaded import Again
 
 if TYPE_CHECKING:
     import fmm_core
 
 
-class FMM_RADIOSITY_OT_relight(Threaded, bpy.types.Operator):
+class FMM_RADIOSITY_OT_relight(Again, bpy.types.Operator):
     """Bring the last bake up to date after lights or base colours have changed, without looking for shadows again"""
 
     bl_idname = "fmm_radiosity.relight"
     bl_label = "Relight"
     bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """As a bake, and after one."""
-        if session.running is None and session.solution is None:
-            cls.poll_message_set("Bake first")
-            return False
-        return super().poll(context)
 
     def solve(self, data: bake.Input, settings: fmm_core.Settings, progress: bake.Progress | None) -> bake.Result:
         """Solve with what the last bake has seen."""

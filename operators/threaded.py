@@ -156,3 +156,15 @@ def _redraw(context: bpy.types.Context) -> None:
             for region in area.regions:
                 if region.type == shown.get(area.type):
                     region.tag_redraw()
+
+
+class Again(Threaded):
+    """The same by the solution of the last bake."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """As a bake, and after one."""
+        if session.running is None and session.solution is None:
+            cls.poll_message_set("Bake first")
+            return False
+        return super().poll(context)

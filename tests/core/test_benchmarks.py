@@ -63,3 +63,14 @@ def test_effects_are_compared_with_and_without():
     assert list(rows) == list(fmm_core.EFFECTS)
     assert rows["occlusion"]["rays_without"] == 0 < rows["occlusion"]["rays_with"]
     assert rows["sky"]["rays_without"] < rows["sky"]["rays_with"]
+
+
+def test_shipped_scenes_can_be_read():
+    code = "import examples; scene, at = examples.example('cornell_box'); print(len(scene.triangles), *map(len, at))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=BENCHMARKS, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    triangles, points, normals = map(int, done.stdout.splitlines()[-1].split())
+    assert triangles > 1000
+    assert points == normals > 1000

@@ -7,6 +7,7 @@ use std::f64::consts::TAU;
 /// Cells along one side of a face of the cube that directions are sorted into.
 const SIDE: usize = 8;
 const CELLS: usize = 6 * SIDE * SIDE;
+
 /// Two unit vectors at right angles to a unit normal and to each other.
 pub(crate) fn tangents(n: [f64; 3]) -> ([f64; 3], [f64; 3]) {
     let axis = if n[0].abs() > 0.6 { [0.0, 1.0, 0.0] } else { [1.0, 0.0, 0.0] };
