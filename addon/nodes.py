@@ -8,22 +8,29 @@ import bpy
 GROUP = "Radiosity Light"
 #: The input of a shader that holds its base colour.
 _BASE = ("Base Color", "Color")
+_WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
 def add(material: bpy.types.Material, attribute: str, multiply: bool) -> bpy.types.Node:
-    """Add the group to a material, beside what it has; returns the new node.
+    """Add the group to a material, beside what it has, or set up the one that is there already; returns its node.
 
     attribute: the name of the baked colours; multiply: whether they are light alone, which the base colour of the
     material is then linked to
     """
-    tree = material.node_tree
-    node = tree.nodes.new("ShaderNodeGroup")
-    node.node_tree = _group(attribute)
+    tree, group = material.node_tree, _group(attribute)
     shader = next((other for other in tree.nodes if other.type.startswith("BSDF") and _base_of(other)), None)
-    if shader is not None:
-        node.location = shader.location[0], shader.location[1] + 200
-        if multiply:
-            _share(tree, _base_of(shader), node.inputs["Base Color"])
+    node = next((other for other in tree.nodes if other.type == "GROUP" and other.node_tree == group), None)
+    if node is None:
+        node = tree.nodes.new("ShaderNodeGroup")
+        node.node_tree = group
+        if shader is not None:
+            node.location = shader.location[0], shader.location[1] + 200
+    own = node.inputs["Base Color"]
+    for link in own.links:
+        tree.links.remove(link)
+    own.default_value = _WHITE
+    if shader is not None and multiply:
+        _share(tree, _base_of(shader), own)
     return node
 
 
@@ -35,7 +42,7 @@ def _group(attribute: str) -> bpy.types.NodeTree:
         return found
     tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
     base = tree.interface.new_socket("Base Color", in_out="INPUT", socket_type="NodeSocketColor")
-    base.default_value = (1.0, 1.0, 1.0, 1.0)
+    base.default_value = _WHITE
     tree.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
     tree.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
     kinds = ("NodeGroupInput", "ShaderNodeAttribute", "ShaderNodeVectorMath", "ShaderNodeEmission", "NodeGroupOutput")
