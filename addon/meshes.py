@@ -28,6 +28,13 @@ class Mesh:
     triangle_corners: np.ndarray  # (T,3)
     triangle_face: np.ndarray  # (T,)
 
+    @cached_property
+    def following(self) -> np.ndarray:
+        """(C,) the next corner of the same face."""
+        following = np.arange(1, len(self.corner_vertex) + 1)
+        following[self.face_start + self.face_corners - 1] = self.face_start
+        return following
+
 
 #: m from the origin: of larger numbers the products of a solve no longer are finite.
 FARTHEST = 1e15
@@ -194,9 +201,7 @@ def get(collection: bpy.types.bpy_prop_collection, name: str, dtype: type, width
 
 def is_closed(mesh: Mesh) -> bool:
     """Whether every edge has exactly two faces that run along it in opposite directions."""
-    following = np.arange(1, len(mesh.corner_vertex) + 1)
-    following[mesh.face_start + mesh.face_corners - 1] = mesh.face_start
-    start, end = mesh.corner_vertex.astype(np.int64), mesh.corner_vertex[following].astype(np.int64)
+    start, end = mesh.corner_vertex.astype(np.int64), mesh.corner_vertex[mesh.following].astype(np.int64)
     forward = np.sort(start * len(mesh.vertex) + end)
     backward = np.sort(end * len(mesh.vertex) + start)
     return bool((forward == backward).all() and (np.diff(forward) > 0).all())

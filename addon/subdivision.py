@@ -44,11 +44,9 @@ def expected_vertices(obj: bpy.types.Object, length: float) -> int:
         ends = mesh.corner_vertex[corners], mesh.corner_vertex[others]
         return _parts(np.linalg.norm(position[ends[0]] - position[ends[1]], axis=-1), length)
 
-    corner, following = np.arange(len(mesh.corner_vertex)), np.arange(1, len(mesh.corner_vertex) + 1)
-    following[mesh.face_start + mesh.face_corners - 1] = mesh.face_start
-    ends = np.sort(np.stack([mesh.corner_vertex, mesh.corner_vertex[following]], axis=1), axis=1)
+    ends = np.sort(np.stack([mesh.corner_vertex, mesh.corner_vertex[mesh.following]], axis=1), axis=1)
     _, once = np.unique(ends, axis=0, return_index=True)
-    on_edges = parts(corner, following) - 1
+    on_edges = parts(np.arange(len(mesh.corner_vertex)), mesh.following) - 1
     quad = mesh.face_corners == 4
     around = on_edges[mesh.face_start[quad, None] + np.arange(4)]
     in_quads = np.maximum(around[:, 0], around[:, 2]) * np.maximum(around[:, 1], around[:, 3])
@@ -78,27 +76,31 @@ def subdivide(obj: bpy.types.Object, length: float) -> int:
         edit.free()
 
 
+def expected_refined(obj: bpy.types.Object, name: str, contrast: float, length: float) -> int:
+    """Vertices that `refine` comes to; raises fmm_core.Error naming a vertex that is not finite."""
+    mesh = meshes.read_mesh(obj.data)
+    chosen = _contrasting(obj, mesh, name, contrast, length)
+    quads = mesh.face_start[mesh.face_corners == 4, None] + np.arange(4)
+    return int(len(mesh.vertex) + chosen.sum() + chosen[_corner_edges(obj.data)[quads]].all(axis=1).sum())
+
+
 def refine(obj: bpy.types.Object, name: str, contrast: float, length: float) -> int:
     """Halve, once, the edges of faces along which the baked colours differ, down to so many metres in the world.
 
     name: of the colour attribute; contrast: the difference in brightness, relative to the brightness there, from which
-    on an edge is halved. Returns the number of new vertices.
+    on an edge is halved. Returns the number of new vertices; raises fmm_core.Error naming a vertex that is not finite.
     """
+    chosen = np.flatnonzero(_contrasting(obj, meshes.read_mesh(obj.data), name, contrast, length))
+    if not len(chosen):
+        return 0
     edit = bmesh.new()
     try:
         edit.from_mesh(obj.data)
         before = len(edit.verts)
-        brightness = _brightness(edit, name)
-        mean = np.mean([value for face in brightness.values() for value in face]) if brightness else 0.0
-        chosen = set()
-        for face, values in brightness.items():
-            pairs = zip(values, values[1:] + values[:1], strict=True)
-            if any(abs(a - b) > contrast * ((a + b) / 2 + _DARK * mean) for a, b in pairs):
-                chosen.update(edge for edge in face.edges if _length(edge, obj.matrix_world) > length * _SLACK)
-        if chosen:
-            _halve(edit, list(chosen))
-            edit.to_mesh(obj.data)
-            obj.data.update()
+        edit.edges.ensure_lookup_table()
+        _halve(edit, [edit.edges[index] for index in chosen])
+        edit.to_mesh(obj.data)
+        obj.data.update()
         return len(edit.verts) - before
     finally:
         edit.free()
@@ -141,16 +143,22 @@ def _without_large_faces(edit: bmesh.types.BMesh) -> None:
     bmesh.ops.triangulate(edit, faces=[face for face in edit.faces if len(face.verts) > 4])
 
 
-def _brightness(edit: bmesh.types.BMesh, name: str) -> dict[bmesh.types.BMFace, list[float]]:
-    """Luminance at the corners of every face; nothing where the mesh has no such attribute."""
-    for layers, of_corner in ((edit.loops.layers, True), (edit.verts.layers, False)):
-        for kind in (layers.float_color, layers.color):
-            layer = kind.get(name)
-            if layer is not None:
-                return {face: [_luminance((loop if of_corner else loop.vert)[layer]) for loop in face.loops]
-                        for face in edit.faces}  # fmt: skip
-    return {}
+def _contrasting(obj: bpy.types.Object, mesh: meshes.Mesh, name: str, contrast: float, length: float) -> np.ndarray:
+    """(E,) bool: the edges that `refine` halves; none where the mesh of the object has no such attribute."""
+    layer, chosen = obj.data.color_attributes.get(name), np.zeros(len(obj.data.edges), bool)
+    if layer is None or not len(mesh.face_start):
+        return chosen
+    colours = meshes.get(layer.data, "color", np.float32, 4)[:, :3] @ _LUMINANCE
+    brightness = colours if layer.domain == "CORNER" else colours[mesh.corner_vertex]
+    other = brightness[mesh.following]
+    differs = np.abs(brightness - other) > contrast * ((brightness + other) / 2 + _DARK * brightness.mean())
+    faces = np.logical_or.reduceat(differs, mesh.face_start)
+    chosen[_corner_edges(obj.data)[np.repeat(faces, mesh.face_corners)]] = True
+    position = meshes.World(obj.name, mesh, np.array(obj.matrix_world)).position
+    a, b = position[meshes.get(obj.data.edges, "vertices", np.int32, 2)].swapaxes(0, 1)
+    return chosen & (np.linalg.norm(a - b, axis=1) > length * _SLACK)
 
 
-def _luminance(colour: Sequence[float]) -> float:
-    return sum(weight * channel for weight, channel in zip(_LUMINANCE, colour, strict=False))
+def _corner_edges(mesh: bpy.types.Mesh) -> np.ndarray:
+    """(C,) the edge that leads from each corner to the next one of its face."""
+    return meshes.get(mesh.attributes[".corner_edge"].data, "value", np.int32)

@@ -4,9 +4,14 @@
 from __future__ import annotations
 
 import bpy
+import fmm_core
+from bpy.app.translations import pgettext_iface as translated
 
 from ..addon import subdivision
 from ..addon.session import session
+
+#: No more vertices are made at once.
+MOST_VERTICES = 5_000_000
 
 
 class OnMeshes:
@@ -44,3 +49,10 @@ class OnMeshes:
         """The objects to work on."""
         chosen = subdivision.receivers(context)
         return subdivision.copied(context, chosen) if self.copies else chosen
+
+
+def check(expected: int) -> None:
+    """Raise fmm_core.Error where so many vertices would be too many."""
+    if expected > MOST_VERTICES:
+        text = "This would come to {:,d} vertices, more than {:,d}: choose longer edges"
+        raise fmm_core.Error(translated(text).format(expected, MOST_VERTICES))

@@ -8,8 +8,8 @@ from typing import ClassVar
 import bpy
 from bpy.app.translations import pgettext_iface as translated
 
-from ..addon import subdivision
-from .on_meshes import OnMeshes
+from ..addon import bake, subdivision
+from .on_meshes import OnMeshes, check
 
 
 class FMM_RADIOSITY_OT_refine(OnMeshes, bpy.types.Operator):
@@ -41,11 +41,16 @@ class FMM_RADIOSITY_OT_refine(OnMeshes, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Refine once."""
-        name = context.scene.fmm_radiosity.attribute_name
-        if not any(name in obj.data.color_attributes for obj in subdivision.receivers(context)):
+        name, chosen = context.scene.fmm_radiosity.attribute_name, subdivision.receivers(context)
+        if not any(name in obj.data.color_attributes for obj in chosen):
             self.report({"ERROR"}, translated("No selected mesh has been baked: bake first"))
             return {"CANCELLED"}
-        objects = self.objects(context)
-        made = sum(subdivision.refine(obj, name, self.contrast, self.edge_length) for obj in objects)
+        limits = name, self.contrast, self.edge_length
+        try:
+            check(sum(subdivision.expected_refined(obj, *limits) for obj in chosen))
+        except bake.FAILURES as error:
+            self.report({"ERROR"}, bake.reason(error))
+            return {"CANCELLED"}
+        made = sum(subdivision.refine(obj, *limits) for obj in self.objects(context))
         self.report({"INFO"}, translated("{:,d} vertices more: bake again to light them").format(made))
         return {"FINISHED"}

@@ -9,10 +9,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as translated
 
 from ..addon import bake, subdivision
-from .on_meshes import OnMeshes
-
-#: No more vertices are made at once.
-MOST_VERTICES = 5_000_000
+from .on_meshes import OnMeshes, check
 
 
 class FMM_RADIOSITY_OT_subdivide(OnMeshes, bpy.types.Operator):
@@ -53,13 +50,9 @@ class FMM_RADIOSITY_OT_subdivide(OnMeshes, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Subdivide."""
         try:
-            expected = self._expected(context)
+            check(self._expected(context))
         except bake.FAILURES as error:
             self.report({"ERROR"}, bake.reason(error))
-            return {"CANCELLED"}
-        if expected > MOST_VERTICES:
-            text = "This would come to {:,d} vertices, more than {:,d}: choose longer edges"
-            self.report({"ERROR"}, translated(text).format(expected, MOST_VERTICES))
             return {"CANCELLED"}
         made = sum(subdivision.subdivide(obj, self.edge_length) for obj in self.objects(context))
         self.report({"INFO"}, translated("Subdivided to {:,d} vertices").format(made))

@@ -85,7 +85,7 @@ def test_too_many_vertices_are_refused(build):
     assert len(obj.data.vertices) == 4
 
 
-def test_refining_cuts_where_the_shadow_ends(build):
+def test_refining_cuts_where_the_shadow_ends(build, fmm):
     grey = build.material("Grey")
     floor = build.quad("Floor", grey)
     floor.scale, floor.location = (4, 4, 1), (-2, -2, 0)
@@ -98,15 +98,30 @@ def test_refining_cuts_where_the_shadow_ends(build):
         bpy.ops.fmm_radiosity.refine()
     assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
     before = len(floor.data.vertices)
+    expected = fmm.subdivision.expected_refined(floor, "Radiosity", 0.3, 0.2)
     assert bpy.ops.fmm_radiosity.refine(contrast=0.3, edge_length=0.2) == {"FINISHED"}
     made = len(floor.data.vertices) - before
     assert 8 < made < 2 * before
+    assert before + made == expected
     # None of the far corner, all within reach of the blocker's shadow.
     new = np.array([floor.matrix_world @ vertex.co for vertex in floor.data.vertices[before:]])
     assert np.abs(new[:, :2] - 0.5).max() < 1.5
     assert bpy.ops.fmm_radiosity.refine(contrast=0.3, edge_length=0.5) == {"FINISHED"}
     assert len(floor.data.vertices) == before + made
     assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+
+
+def test_refining_to_too_many_vertices_is_refused(build, monkeypatch):
+    floor = build.quad("Floor", build.material("Grey"))
+    build.quad("Lamp", build.light(), z=0.3, down=True).scale = (0.2, 0.2, 1)
+    select("Floor")
+    bpy.ops.fmm_radiosity.subdivide(edge_length=0.26)
+    assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+    monkeypatch.setattr("bl_ext.user_default.fmm_radiosity.operators.on_meshes.MOST_VERTICES", 30)
+    objects = len(bpy.data.objects)
+    with pytest.raises(RuntimeError, match=r"would come to \d+ vertices, more than 30: choose longer edges"):
+        bpy.ops.fmm_radiosity.refine(contrast=0.01, edge_length=0.01, copies=True)
+    assert (len(floor.data.vertices), len(bpy.data.objects)) == (25, objects)
 
 
 def test_undo_takes_back_a_subdivision(build):
@@ -120,12 +135,14 @@ def test_undo_takes_back_a_subdivision(build):
     assert len(bpy.data.meshes["Wall"].vertices) == 4
 
 
-def test_a_vertex_nowhere_is_named(build):
+@pytest.mark.parametrize("name", ["subdivide", "refine"])
+def test_a_vertex_nowhere_is_named(build, name):
     obj = build.quad("Broken")
+    obj.data.color_attributes.new("Radiosity", "FLOAT_COLOR", "POINT")
     obj.data.vertices[2].co.y = float("nan")
     select("Broken")
     with pytest.raises(RuntimeError, match=r"^Error: object 'Broken': vertex 2 is at [^\n]*\n?$"):
-        bpy.ops.fmm_radiosity.subdivide()
+        getattr(bpy.ops.fmm_radiosity, name)()
 
 
 def test_more_vertices_than_integers_are_refused(build):
@@ -153,11 +170,13 @@ def test_light_node_renders_the_full_colour(build, fmm, content):
     bpy.ops.fmm_radiosity.bake()
     select("Wall")
     before = [link.from_node.name for link in red.node_tree.links]
-    for _ in range(2):
+    # Once more for other colours sets up the same node.
+    for each in ("LIGHTING", "FULL", content):
+        bpy.context.scene.fmm_radiosity.content = each
         assert bpy.ops.fmm_radiosity.add_nodes() == {"FINISHED"}
     assert [link.from_node.name for link in red.node_tree.links] == before
     assert [group.name for group in bpy.data.node_groups] == ["Radiosity Light"]
-    node = next(node for node in red.node_tree.nodes if node.type == "GROUP")
+    (node,) = (node for node in red.node_tree.nodes if node.type == "GROUP")
     output = next(node for node in red.node_tree.nodes if node.type == "OUTPUT_MATERIAL")
     red.node_tree.links.new(node.outputs["Shader"], output.inputs["Surface"])
     assert np.allclose(_cycles_emission(wall), full, rtol=2e-3)
