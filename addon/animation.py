@@ -14,7 +14,7 @@ import fmm_core
 import numpy as np
 from fmm_core.progress import part
 
-from . import attributes, bake
+from . import attributes, bake, export
 from .memory import Progress
 from .session import Session
 
@@ -24,27 +24,46 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Frame:
-    """What is left of a baked frame: its number, what is written, and the report."""
+    """What is left of a baked frame: its number, what is written, and the report; of a dark one it has the little that
+    `Frames.report` takes.
+    """
 
     number: int
     layers: attributes.Layers
     report: dict
+    dark: bool = False
+
+
+@dataclass(frozen=True)
+class Night:
+    """What a frame without light gives: the input, the error it would be alone, and the seconds it took."""
+
+    data: bake.Input
+    error: export.Dark
+    seconds: float
 
 
 class Frames:
     """Bakes frame after frame of a scene: `read` and `take` in the main thread, `compute` in any.
 
-    Where only lights and colours change from a frame to the next, its visibility is used again.
+    Where only lights and colours change from a frame to the next, its visibility is used again. Frames without light
+    are black, unless all are.
     """
 
     def __init__(self, numbers: Sequence[int]) -> None:
         self._numbers = numbers
         self._done: list[Frame] = []
+        self._dark: export.Dark | None = None
         self._session = Session()
 
     def read(self, context: bpy.types.Context, **output: object) -> bake.Input | None:
-        """Go to the next frame and read it, output as in `bake.read`; None once all are done."""
+        """Go to the next frame and read it, output as in `bake.read`; None once all are done.
+
+        Raises fmm_core.Error, also where it turns out that no frame has light.
+        """
         if len(self._done) == len(self._numbers):
+            if all(frame.dark for frame in self._done):
+                raise fmm_core.Error(f"frame {self._numbers[0]}: {self._dark}")
             return None
         number = self._numbers[len(self._done)]
         context.scene.frame_set(number)
@@ -52,11 +71,15 @@ class Frames:
         with self._named():
             return bake.read(context, name=name, **output)
 
-    def compute(self, data: bake.Input, settings: fmm_core.Settings, progress: Progress | None) -> bake.Result:
+    def compute(self, data: bake.Input, settings: fmm_core.Settings, progress: Progress | None) -> bake.Result | Night:
         """Solve the frame that was read."""
-        start, count = len(self._done), len(self._numbers)
+        began, start, count = time.perf_counter(), len(self._done), len(self._numbers)
+        share = part(progress, start / count, (start + 1) / count)
         with self._named():
-            return bake.compute(data, settings, part(progress, start / count, (start + 1) / count), self._session)
+            try:
+                return bake.compute(data, settings, share, self._session)
+            except export.Dark as error:
+                return Night(data, error, data.seconds + time.perf_counter() - began)
 
     @contextmanager
     def _named(self) -> Iterator[None]:
@@ -68,11 +91,16 @@ class Frames:
         except fmm_core.Error as error:
             raise fmm_core.Error(f"frame {self._numbers[len(self._done)]}: {error}") from None
 
-    def take(self, result: bake.Result) -> None:
+    def take(self, result: bake.Result | Night) -> None:
         """Keep what is to be written of the frame that was solved."""
+        number = self._numbers[len(self._done)]
+        if isinstance(result, Night):
+            self._done.append(_black(number, result))
+            self._dark = self._dark or result.error
+            return
         colours = {name: values.astype(np.float32) for name, values in result.layers.items()}
         layers = attributes.Layers(result.arrays.receivers, colours, result.output)
-        self._done.append(Frame(self._numbers[len(self._done)], layers, bake.report_of(result)))
+        self._done.append(Frame(number, layers, bake.report_of(result)))
 
     def write(self) -> dict:
         """Write one attribute a frame to the meshes, all of them or none; returns the report."""
@@ -95,9 +123,10 @@ class Frames:
         np.savez_compressed(path, **arrays)
 
     def report(self, seconds_write: float = 0.0) -> dict:
-        """That of the last frame, with seconds, rays and warnings of all, and in "frames" a line for each."""
+        """That of the last lit frame, with seconds, rays and warnings of all, and in "frames" a line for each."""
         reports = [frame.report for frame in self._done]
-        seconds = {phase: sum(report["seconds"][phase] for report in reports) for phase in reports[0]["seconds"]}
+        last = next(frame.report for frame in reversed(self._done) if not frame.dark)
+        seconds = {phase: sum(report["seconds"].get(phase, 0.0) for report in reports) for phase in last["seconds"]}
         seconds["write"] += seconds_write
         seconds["total"] += seconds_write
         lines = [
@@ -109,10 +138,10 @@ class Frames:
             }
             for frame in self._done
         ]
-        return reports[-1] | {
+        return last | {
             "frames": lines,
             "seconds": seconds,
-            "counts": reports[-1]["counts"] | {"rays": sum(line["rays"] for line in lines)},
+            "counts": last["counts"] | {"rays": sum(line["rays"] for line in lines)},
             "warnings": self._warnings(),
         }
 
@@ -123,6 +152,20 @@ class Frames:
             for text in dict.fromkeys(frame.report["warnings"]):
                 numbers.setdefault(text, []).append(frame.number)
         return [text if len(of) == len(self._done) else f"frame {of[0]}: {text}" for text, of in numbers.items()]
+
+
+def _black(number: int, night: Night) -> Frame:
+    """A frame that no light reaches."""
+    reading, output = night.data.scene, night.data.output
+    colours = dict.fromkeys(output.names, np.zeros((reading.corner_count, 3), np.float32))
+    warning = "nothing gives off light, its colours are black"
+    report = {
+        "seconds": {"export": night.seconds, "total": night.seconds},
+        "counts": {"rays": 0},
+        "error": {"measured_rms": None},
+        "warnings": [*night.error.warnings, warning],
+    }
+    return Frame(number, attributes.Layers(reading.receivers, colours, output), report, dark=True)
 
 
 def solve(

@@ -38,6 +38,14 @@ _LEFT_OUT = {"VOLUME": "a volume", "CURVES": "hair", "POINTCLOUD": "points"}
 _OBJECTS = "\0"
 
 
+class Dark(Error):
+    """Nothing gives off light in a scene that could be baked otherwise; warnings: those of the scene."""
+
+    def __init__(self, text: str, warnings: tuple[str, ...]) -> None:
+        super().__init__(text)
+        self.warnings = warnings
+
+
 @dataclass(frozen=True)
 class Receiver:
     """One mesh datablock that gets colours.
@@ -349,7 +357,8 @@ class Reading:
     def arrays(self) -> SceneArrays:
         """Put the parts together, in any thread.
 
-        Raises fmm_core.Error where there is no mesh, no face, no emitter, or no mesh that can take colours.
+        Raises fmm_core.Error where there is no mesh, no face, or no mesh that can take colours, and Dark where there
+        is no emitter.
         """
         while self.later:
             self.later.pop(0)()
@@ -366,8 +375,8 @@ class Reading:
             raise Error(f"no mesh of scene '{scene}' can take colours{because}")
         arrays = {name: np.concatenate(parts) for name, parts in self.parts.items()}
         if not arrays["emission"].any() and not self.lights and sky is None:
-            raise Error(f"nothing in scene '{scene}' gives off light: add a lamp, give a mesh a material with an "
-                        f"Emission shader, or the world a colour{because}")  # fmt: skip
+            raise Dark(f"nothing in scene '{scene}' gives off light: add a lamp, give a mesh a material with an "
+                       f"Emission shader, or the world a colour{because}", warnings)  # fmt: skip
         arrays["two_sided"] = two_sided(self.shapes) & ~arrays.pop("one_sided")
         for rays, cells in self.cells.items():
             arrays[rays] = _opacity(arrays[rays], cells)

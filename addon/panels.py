@@ -84,8 +84,8 @@ class _Output:
         if context.scene.fmm_radiosity.byte:
             _draw_settings(self.layout, context, "exposure")
         _draw_settings(self.layout, context, "directional", "view", "keep_visibility")
-        first, last = context.scene.frame_start, context.scene.frame_end
-        _draw_pair(self.layout.column(), "Frames", f"{first} – {last}")
+        frames = properties.frames_of(context.scene)
+        _draw_pair(self.layout.column(), "Frames", f"{frames.start} – {frames.stop - 1}")
         self.layout.operator("fmm_radiosity.bake_frames", icon="RENDER_ANIMATION")
 
 

@@ -182,6 +182,14 @@ def target_of(scene: bpy.types.Scene) -> float | None:
     return round(scene.fmm_radiosity.target_error, 4) or None
 
 
+def frames_of(scene: bpy.types.Scene) -> range:
+    """The frames that the timeline plays: those of the preview range where that is on, else of the scene."""
+    first, last = scene.frame_start, scene.frame_end
+    if scene.use_preview_range:
+        first, last = scene.frame_preview_start, scene.frame_preview_end
+    return range(first, last + 1, scene.frame_step)
+
+
 def settings_of(scene: bpy.types.Scene, **overrides: object) -> fmm_core.Settings:
     """Settings of a scene; keyword arguments go first. Raises fmm_core.Error naming a wrong value."""
     own = scene.fmm_radiosity

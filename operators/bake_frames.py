@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bake every frame of the scene's frame range."""
+"""Bake every frame that the timeline plays."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import bpy
 
-from ..addon import animation, bake
+from ..addon import animation, bake, properties
 from .threaded import Threaded
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class FMM_RADIOSITY_OT_bake_frames(Threaded, bpy.types.Operator):
-    """Bake each frame of the scene's frame range into a colour attribute that ends in its number, as Radiosity 0001"""
+    """Bake all frames of the scene's range, or of its preview range if that is on, each into an attribute of its own"""
 
     bl_idname = "fmm_radiosity.bake_frames"
     bl_label = "Bake Frames"
@@ -28,14 +28,16 @@ class FMM_RADIOSITY_OT_bake_frames(Threaded, bpy.types.Operator):
         """Read the first frame."""
         scene = context.scene
         self._shown = scene.frame_current, scene.frame_subframe
-        self._frames = animation.Frames(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
+        self._frames = animation.Frames(properties.frames_of(scene))
         return self._frames.read(context)
 
-    def solve(self, data: bake.Input, settings: fmm_core.Settings, progress: bake.Progress | None) -> bake.Result:
+    def solve(
+        self, data: bake.Input, settings: fmm_core.Settings, progress: bake.Progress | None
+    ) -> bake.Result | animation.Night:
         """Solve a frame."""
         return self._frames.compute(data, settings, progress)
 
-    def following(self, context: bpy.types.Context, result: bake.Result) -> bake.Input | None:
+    def following(self, context: bpy.types.Context, result: bake.Result | animation.Night) -> bake.Input | None:
         """The next frame."""
         self._frames.take(result)
         return self._frames.read(context)

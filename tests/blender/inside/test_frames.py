@@ -94,6 +94,46 @@ def test_a_warning_names_the_frame_unless_it_is_true_of_all(fmm, moving):
     assert hidden == "frame 2: object 'Box' is hidden in the viewport: left out"
 
 
+def darken(scene, *frames):
+    """Let the lamp give off nothing in these frames."""
+    glow = bpy.data.materials["Glow"].node_tree.nodes["Emission"].inputs["Strength"]
+    for frame in frames:
+        glow.default_value = 0.0
+        glow.keyframe_insert("default_value", frame=frame)
+    scene.frame_set(2)
+
+
+@pytest.mark.parametrize("dark", [1, 2, 3])
+def test_a_frame_without_light_is_black(fmm, moving, dark):
+    darken(moving, dark)
+    moving.fmm_radiosity.directional = True
+    assert bpy.ops.fmm_radiosity.bake_frames() == {"FINISHED"}
+    for mesh in bpy.data.meshes:
+        for frame in (1, 2, 3):
+            for name in (f"Radiosity {frame:04d}", f"Radiosity {frame:04d} SH 0"):
+                values = colours(mesh, name)
+                assert (values[:, 3] == 1).all()
+                assert (values[:, :3].max() > 0) == (frame != dark), name
+    report = fmm.session.session.report
+    assert report["warnings"] == [f"frame {dark}: nothing gives off light, its colours are black"]
+    assert [line["frame"] for line in report["frames"]] == [1, 2, 3]
+    assert report["frames"][dark - 1]["rays"] == 0
+
+
+def test_a_range_without_light_is_refused(moving):
+    darken(moving, 1, 2, 3)
+    with pytest.raises(RuntimeError, match="frame 1: nothing in scene 'Scene' gives off light"):
+        bpy.ops.fmm_radiosity.bake_frames()
+    assert set(map(tuple, names().values())) == {()}
+
+
+def test_the_preview_range_is_what_is_baked(moving):
+    moving.use_preview_range = True
+    moving.frame_preview_start, moving.frame_preview_end = 2, 3
+    assert bpy.ops.fmm_radiosity.bake_frames() == {"FINISHED"}
+    assert set(map(tuple, names().values())) == {("Radiosity 0002", "Radiosity 0003")}
+
+
 def test_a_cancelled_range_changes_nothing(fmm, moving):
     settings = fmm.properties.settings_of(moving)
     seen = []
