@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -44,7 +45,7 @@ class Night:
 
 
 class Frames:
-    """Bakes frame after frame of a scene: `read` and `take` in the main thread, `compute` in any.
+    """Bakes frame after frame of a scene: `reading` and `take` in the main thread, `compute` in any.
 
     Where only lights and colours change from a frame to the next, its visibility is used again. Frames without light
     are black, unless all are.
@@ -56,20 +57,21 @@ class Frames:
         self._dark: export.Dark | None = None
         self._session = Session()
 
-    def read(self, context: bpy.types.Context, **output: object) -> bake.Input | None:
-        """Go to the next frame and read it, output as in `bake.read`; None once all are done.
+    def unfinished(self) -> bool:
+        """Whether there is a frame left to read; raises fmm_core.Error where it turns out that none has light."""
+        if len(self._done) < len(self._numbers):
+            return True
+        if all(frame.dark for frame in self._done):
+            raise fmm_core.Error(f"frame {self._numbers[0]}: {self._dark}")
+        return False
 
-        Raises fmm_core.Error, also where it turns out that no frame has light.
-        """
-        if len(self._done) == len(self._numbers):
-            if all(frame.dark for frame in self._done):
-                raise fmm_core.Error(f"frame {self._numbers[0]}: {self._dark}")
-            return None
+    def reading(self, context: bpy.types.Context, **output: object) -> bake.Reading:
+        """Go to the next frame and read it in steps, output as in `bake.reading`."""
         number = self._numbers[len(self._done)]
         context.scene.frame_set(number)
         name = f"{context.scene.fmm_radiosity.attribute_name} {number:04d}"
         with self._named():
-            return bake.read(context, name=name, **output)
+            return (yield from bake.reading(context, name=name, **output))
 
     def compute(self, data: bake.Input, settings: fmm_core.Settings, progress: Progress | None) -> bake.Result | Night:
         """Solve the frame that was read."""
@@ -182,7 +184,8 @@ def solve(
     scene, frames = context.scene, Frames(numbers)
     frame, subframe = scene.frame_current, scene.frame_subframe
     try:
-        while (data := frames.read(context, **output)) is not None:
+        while frames.unfinished():
+            data = bake.read_on(frames.reading(context, **output), math.inf)
             frames.take(frames.compute(data, settings, progress))
     finally:
         scene.frame_set(frame, subframe=subframe)

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One bake: read the scene, solve, write the colours. Panel and command line both come here.
 
-`read` and `write` touch Blender and belong to the main thread; `compute` does not and may run in any.
+`read` and `write` touch Blender and belong to the main thread; `compute` does not and may run in any. `reading` is
+`read` in steps, between which Blender may do what it likes: `read_on` takes them.
 """
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Generator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,12 +45,32 @@ def bake(
     return write(compute(read(context, keep), settings, progress, session))
 
 
+#: Reads a scene in steps; its value is the input of a solve.
+Reading = Generator[None, None, Input]
+
+
 def read(context: bpy.types.Context, keep: bool = False, **output: object) -> Input:
     """Read the scene of a context as its settings say, and check already here that its meshes can be written.
 
     keep: what rays find is kept in a file beside the .blend, and taken from there if it is of the same geometry.
     output: fields of `Output` in place of what the scene says.
     """
+    return read_on(reading(context, keep, **output), math.inf)
+
+
+def read_on(steps: Reading, seconds: float) -> Input | None:
+    """Go on reading for so many seconds, or somewhat more; the input once all is read."""
+    until = time.perf_counter() + seconds
+    try:
+        while time.perf_counter() < until:
+            next(steps)
+    except StopIteration as end:
+        return end.value
+    return None
+
+
+def reading(context: bpy.types.Context, keep: bool = False, **output: object) -> Reading:
+    """`read` in steps; after the first one the context is not asked for anything."""
     from . import preferences, properties
 
     start, output = time.perf_counter(), properties.output_of(context.scene, **output)
@@ -60,6 +83,8 @@ def read(context: bpy.types.Context, keep: bool = False, **output: object) -> In
         warnings = ("visibility is not kept: save the .blend first, the file goes beside it",)
     limit, settings = preferences.memory_limit(), properties.settings_of(context.scene)
     memory.check(estimate.predict(scene.vertex_count, settings, output.colours == "FIT").memory_mib, limit)
+    yield
+    yield from scene.painting()
     return Input(scene, time.perf_counter() - start, output, limit, kept, warnings)
 
 

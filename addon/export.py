@@ -16,7 +16,9 @@ import numpy as np
 from fmm_core import Brdf, Error, Light, Opacity, Sky, Volume
 
 from . import lights, ray_flags
+from .materials import Name, find, name_of
 from .meshes import Layers, Mesh, World, about, is_closed, read_mesh, same_topology, triangle_centres, with_area
+from .node_readers import asked
 from .ray_flags import Seen
 from .sampling import Painted, Painter, Slots, paint
 from .shapes import Shape, two_sided
@@ -104,14 +106,15 @@ class SceneArrays:
 
 
 def read(context: bpy.types.Context, scope: str, view: bool = False) -> Reading:
-    """Read the scene of a context: "VISIBLE" as `read_scene` does; "SELECTED" the same, and only selected objects get
-    colours; "SCENE" also what the viewport hides. view as in `read_scene`. Raises fmm_core.Error as it.
+    """Read the scene of a context but for its materials: "VISIBLE" as `read_scene` does; "SELECTED" the same, and only
+    selected objects get colours; "SCENE" also what the viewport hides. view as in `read_scene`. Raises fmm_core.Error
+    as it.
     """
     if scope == "SCENE":
         with _unhidden(context.view_layer):
-            return read_scene(context.evaluated_depsgraph_get(), view=view)
+            return read_meshes(context.evaluated_depsgraph_get(), view=view)
     chosen = {obj.name for obj in context.view_layer.objects if obj.select_get()} if scope == "SELECTED" else None
-    return read_scene(context.evaluated_depsgraph_get(), chosen, view)
+    return read_meshes(context.evaluated_depsgraph_get(), chosen, view)
 
 
 @contextmanager
@@ -152,6 +155,14 @@ def read_scene(depsgraph: bpy.types.Depsgraph, chosen: set[str] | None = None, v
     view: also where the active camera is, and the gloss that it sees.
     Raises fmm_core.Error naming object and value where a vertex is not finite, or where a view has no camera.
     """
+    reading = read_meshes(depsgraph, chosen, view)
+    for _ in reading.painting():
+        pass
+    return reading
+
+
+def read_meshes(depsgraph: bpy.types.Depsgraph, chosen: set[str] | None = None, view: bool = False) -> Reading:
+    """The same without materials, for which `painting` is left to do."""
     reading = Reading(depsgraph, chosen, _eye(depsgraph) if view else None)
     # Real objects first: a mesh that is also instanced is then baked where its own object stands.
     for of_instances in (False, True):
@@ -163,9 +174,10 @@ def read_scene(depsgraph: bpy.types.Depsgraph, chosen: set[str] | None = None, v
 
 @dataclass
 class Reading:
-    """A scene as it was read, object after object; what is left to do needs no Blender.
+    """A scene as it was read, object after object.
 
-    receivers: the meshes that get colours; later: what puts the parts together
+    receivers: the meshes that get colours; unpainted: what reads the materials of a mesh, step by step; later: what
+    puts the parts together, which needs no Blender
     """
 
     depsgraph: bpy.types.Depsgraph
@@ -183,12 +195,13 @@ class Reading:
     meshes: int = 0
     corner_count: int = 0
     vertex_count: int = 0
+    unpainted: list[Iterator[None]] = field(default_factory=list)
     later: list[Callable[[], None]] = field(default_factory=list)
     scene: str = ""
     sky: Sky | None = None
 
     def __post_init__(self) -> None:
-        self.painter = Painter(_size(self.depsgraph) / DETAIL, {}, {}, Tables())
+        self.painter = Painter(_size(self.depsgraph) / DETAIL, {}, {}, Tables(), self.eye is not None)
         self.renderable = set(_renderable(self.depsgraph.view_layer_eval.layer_collection))
         # Where a collection is hidden, Blender evaluates its objects all the same.
         visible = {obj.name for obj in self.depsgraph.view_layer.objects if obj.visible_get()}
@@ -227,20 +240,36 @@ class Reading:
                 self.remark(f"object '{obj.name}' has no faces: left out")
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance, data: bpy.types.Mesh) -> None:
-        """Add the faces of one object or copy: what Blender has to say now, all else later."""
+        """Add the faces of one object or copy: its mesh now, its materials step by step, all else later."""
         self.meshes += 1
         obj, mesh = instance.object, read_mesh(data)
-        name, materials = obj.name, _materials(obj)
         seen = ray_flags.of(instance)
         for text in ray_flags.remarks(obj, seen, self.eye is not None):
-            self.remark(f"object '{name}' {text}")
-        world = World(name, mesh, np.array(instance.matrix_world, np.float64))
-        slots = Slots(mesh, Layers(data, mesh, world, about(instance)), world.mirrored, len(materials))
-        coats, remarks = self.painter.coats(slots, materials)
-        for material, text in remarks:
-            self.remark(f"material '{material.name}' on object {_OBJECTS}: {text}", name)
-        absorption = [read_volume(materials[coat.slot])[0] for coat in coats]
+            self.remark(f"object '{obj.name}' {text}")
+        world = World(obj.name, mesh, np.array(instance.matrix_world, np.float64))
+        materials = _materials(obj)
+        layers = Layers(data, mesh, world, about(instance), asked(materials))
+        slots = Slots(mesh, layers, world.mirrored, len(materials))
         offsets = self.add_receiver(instance, mesh) if self.is_receiver(instance, mesh) else None
+        self.unpainted.append(self.paint(obj.name, world, slots, list(map(name_of, materials)), seen, offsets))
+
+    def painting(self) -> Iterator[None]:
+        """Read the materials of all meshes, in steps between which Blender may do what it likes.
+
+        Raises fmm_core.Error naming what cannot be read, or is gone by then.
+        """
+        while self.unpainted:
+            yield from self.unpainted.pop(0)
+
+    def paint(
+        self, name: str, world: World, slots: Slots, materials: list[Name | None], seen: Seen, offsets: tuple | None
+    ) -> Iterator[None]:
+        """Read the materials of one object or copy; offsets: its first corner and vertex, if it gets colours."""
+        mesh = slots.mesh
+        coats, remarks = yield from self.painter.coats(slots, materials)
+        for material, text in remarks:
+            self.remark(f"material '{material[0]}' on object {_OBJECTS}: {text}", name)
+        absorption = [read_volume(find(materials[coat.slot]))[0] for coat in coats]
 
         def finish() -> None:
             painted = paint(slots, coats, self.eye is not None)

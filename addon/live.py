@@ -11,48 +11,56 @@ from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 
 import bpy
+import fmm_core
 
 from . import bake, properties
 from .node_fields import SCRATCH
 from .session import session
 
-#: Seconds without a change before anything is done, and between two looks at the thread.
-QUIET, LOOK = 0.2, 0.05
+#: Seconds without a change before anything is done, between two looks at the thread, and of reading at a time.
+QUIET, LOOK, MOMENT = 0.2, 0.05, 0.06
 #: Datablocks that light depends on beside the geometry.
 _LIGHTS = ("MATERIAL", "LIGHT", "WORLD", "NODETREE")
 
 
 class _Follower:
-    """When to solve again, and the solve under way."""
+    """When to solve again, and the reading and the solve under way."""
 
     def __init__(self) -> None:
         self.due: float | None = None
+        self.reading: bake.Reading | None = None
+        self.settings: fmm_core.Settings | None = None
         self.future: Future | None = None
 
     def turn(self) -> float | None:
         """One look, from Blender's timer; returns the seconds until the next one, None for the last."""
         if self.future is not None:
             return self._finish() if self.future.done() else LOOK
-        if self.due is None:
+        if self.reading is None and self.due is None:
             return None
-        if session.running is not None or time.monotonic() < self.due:
+        if session.running is not None or (self.reading is None and time.monotonic() < self.due):
             return LOOK
-        self.due = None
-        return self._start()
-
-    def _start(self) -> float | None:
         if session.solution is None:
-            session.problem = None
+            session.problem = self.reading = self.due = None
             return None
+        try:
+            return self._read_on()
+        except bake.FAILURES as error:
+            session.problem, self.reading = bake.reason(error), None
+            return self._rest()
+
+    def _read_on(self) -> float:
+        """Begin to read or go on; once all is read let the thread solve it."""
         with _window():
-            context = bpy.context
-            try:
-                data = bake.read(context, context.scene.fmm_radiosity.keep_visibility)
-                settings = properties.settings_of(context.scene)
-            except bake.FAILURES as error:
-                session.problem = bake.reason(error)
-                return None
-        self.future = session.submit(bake.compute, data, settings, None, session, False)
+            if self.reading is None:
+                self.due, context = None, bpy.context
+                self.settings = properties.settings_of(context.scene)
+                self.reading = bake.reading(context, context.scene.fmm_radiosity.keep_visibility)
+            data = bake.read_on(self.reading, MOMENT)
+        if data is None:
+            return 0.0
+        self.reading = None
+        self.future = session.submit(bake.compute, data, self.settings, None, session, False)
         return LOOK
 
     def _finish(self) -> float | None:
@@ -62,6 +70,10 @@ class _Follower:
         except bake.FAILURES as error:
             session.problem = bake.reason(error)
         _redraw()
+        return self._rest()
+
+    def _rest(self) -> float | None:
+        """Seconds until the next turn, if anything has changed meanwhile."""
         return None if self.due is None else LOOK
 
 

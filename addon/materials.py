@@ -89,6 +89,28 @@ class Surface:
     remarks: tuple[str, ...] = ()
 
 
+#: How a material is found again: its name, and the file of the library that it is linked from.
+Name = tuple[str, str | None]
+
+
+def name_of(material: bpy.types.Material | None) -> Name | None:
+    """How the original of a material is found again."""
+    if material is None:
+        return None
+    original = material.original
+    return original.name, None if original.library is None else original.library.filepath
+
+
+def find(name: Name | None) -> bpy.types.Material | None:
+    """The material of a name; raises fmm_core.Error where it is gone."""
+    import bpy
+
+    found = None if name is None else bpy.data.materials.get(name)
+    if name is not None and found is None:
+        raise Error(f"material '{name[0]}' was removed while it was read")
+    return found
+
+
 def read_material(
     material: bpy.types.Material | None, points: Points, images: dict[bpy.types.Image, Image], tables: Tables
 ) -> Surface:

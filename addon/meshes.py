@@ -79,17 +79,28 @@ def _hash(name: str) -> int:
     return state[2]
 
 
-class Layers:
-    """What an evaluated mesh carries at its C corners, for its materials: read when it is asked for, then kept.
-
-    position, world (C, 3) m in its own space and in the world's; normal (C, 3) unit, in its own; generated (C, 3) from
-    0 to 1 over its texture space; about: of the object
+class Asked(NamedTuple):
+    """What materials ask of a mesh by name: UV maps, and attributes, each with whether it is one of colours; "" is that
+    of renders.
     """
 
-    def __init__(self, data: bpy.types.Mesh, mesh: Mesh, world: World, about: About) -> None:
-        self._data, self._mesh, self._world = data, mesh, world
+    uv: frozenset[str] = frozenset()
+    attributes: frozenset[tuple[str, bool]] = frozenset()
+
+
+class Layers:
+    """What an evaluated mesh carries at its C corners, for its materials.
+
+    position, world (C, 3) m in its own space and in the world's; normal (C, 3) unit, in its own; generated (C, 3) from
+    0 to 1 over its texture space; about: of the object. Nothing of Blender is kept: the evaluated mesh may be gone when
+    its materials are looked at.
+    """
+
+    def __init__(self, data: bpy.types.Mesh, mesh: Mesh, world: World, about: About, asked: Asked) -> None:
+        self._mesh, self._world = mesh, world
         self.about, self.normal = about, mesh.corner_normal
-        self._known: dict[tuple[str, bool | None], np.ndarray | None] = {}
+        self._uv = {name: _uv(data, name) for name in asked.uv}
+        self._attributes = {key: _attribute(data, *key) for key in asked.attributes}
         self._size = np.array(data.texspace_size, float)
         self._low = np.array(data.texspace_location, float) - self._size
 
@@ -107,35 +118,35 @@ class Layers:
 
     def uv(self, name: str) -> np.ndarray | None:
         """(C, 3) a UV map, the one used for renders where it has no name; None where there is none."""
-        if (name, None) not in self._known:
-            layers = self._data.uv_layers
-            layer = layers.get(name) if name else next((each for each in layers if each.active_render), None)
-            found = None if layer is None else get(layer.uv, "vector", np.float32, 2).astype(np.float64)
-            self._known[name, None] = None if found is None else np.pad(found, ((0, 0), (0, 1)))
-        return self._known[name, None]
+        return self._uv.get(name)
 
     def attribute(self, name: str, colour: bool) -> np.ndarray | None:
         """(C, 1, 3 or 4) an attribute, or one of colours, the one used for renders where it has no name; or None."""
-        if (name, colour) not in self._known:
-            name_or_default = name or (self._data.attributes.default_color_name if colour else "")
-            layer = self._data.attributes.get(name_or_default)
-            self._known[name, colour] = None if layer is None else self._of_corners(layer)
-        return self._known[name, colour]
-
-    def _of_corners(self, layer: bpy.types.Attribute) -> np.ndarray | None:
-        kinds = {"FLOAT": ("value", 1), "INT": ("value", 1), "BOOLEAN": ("value", 1), "FLOAT2": ("vector", 2)}
-        kinds |= {"FLOAT_VECTOR": ("vector", 3), "FLOAT_COLOR": ("color", 4), "BYTE_COLOR": ("color", 4)}
-        if layer.data_type not in kinds:
-            return None
-        name, width = kinds[layer.data_type]
-        dtype = {"INT": np.int32, "BOOLEAN": bool}.get(layer.data_type, np.float32)
-        values = get(layer.data, name, dtype, width).astype(np.float64).reshape(-1, width)
-        values = np.pad(values, ((0, 0), (0, 1))) if width == 2 else values
-        if layer.domain == "POINT":
+        domain, values = self._attributes.get((name, colour)) or (None, None)
+        if domain == "POINT":
             return values[self._mesh.corner_vertex]
-        if layer.domain == "FACE":
+        if domain == "FACE":
             return np.repeat(values, self._mesh.face_corners, axis=0)
-        return values if layer.domain == "CORNER" else None
+        return values if domain == "CORNER" else None
+
+
+def _uv(data: bpy.types.Mesh, name: str) -> np.ndarray | None:
+    layers = data.uv_layers
+    layer = layers.get(name) if name else next((each for each in layers if each.active_render), None)
+    return None if layer is None else np.pad(get(layer.uv, "vector", np.float32, 2), ((0, 0), (0, 1)))
+
+
+def _attribute(data: bpy.types.Mesh, name: str, colour: bool) -> tuple[str, np.ndarray] | None:
+    """Domain and values of an attribute, or None."""
+    kinds = {"FLOAT": ("value", 1), "INT": ("value", 1), "BOOLEAN": ("value", 1), "FLOAT2": ("vector", 2)}
+    kinds |= {"FLOAT_VECTOR": ("vector", 3), "FLOAT_COLOR": ("color", 4), "BYTE_COLOR": ("color", 4)}
+    layer = data.attributes.get(name or (data.attributes.default_color_name if colour else ""))
+    if layer is None or layer.data_type not in kinds:
+        return None
+    name, width = kinds[layer.data_type]
+    dtype = {"INT": np.int32, "BOOLEAN": bool}.get(layer.data_type, np.float32)
+    values = get(layer.data, name, dtype, width).astype(np.float64).reshape(-1, width)
+    return layer.domain, np.pad(values, ((0, 0), (0, 1))) if width == 2 else values
 
 
 class World:
@@ -224,10 +235,12 @@ def _double_area(triangles: np.ndarray) -> np.ndarray:
 
 def with_area(triangles: np.ndarray) -> np.ndarray:
     """(T,) bool: whether a triangle is higher than the rounding of its coordinates."""
-    edges = triangles - np.roll(triangles, 1, axis=1)
-    longest = np.linalg.norm(edges, axis=2).max(axis=1)
-    rounding = 1e-12 * np.maximum(longest, np.abs(triangles).max(axis=(1, 2)))
-    return _double_area(triangles) > longest * rounding
+    a, b, c = triangles.swapaxes(0, 1)
+    ab, bc, ca = b - a, c - b, a - c
+    longest = np.sqrt(np.max([np.einsum("tx,tx->t", edge, edge) for edge in (ab, bc, ca)], axis=0))
+    area = np.cross(ab, ca)
+    rounding = 1e-12 * np.maximum(longest, np.abs(triangles).reshape(-1, 9).max(axis=1, initial=0.0))
+    return np.sqrt(np.einsum("tx,tx->t", area, area)) > longest * rounding
 
 
 def same_topology(mesh: Mesh, original: bpy.types.Mesh) -> bool:

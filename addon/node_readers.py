@@ -6,12 +6,13 @@ Values are arrays: (S,) for numbers, (S, 3) for colours and vectors, where S is 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import node_math
+from .meshes import Asked
 from .textures import Image, MissingImage, box
 
 if TYPE_CHECKING:
@@ -29,6 +30,29 @@ def plain(socket: bpy.types.NodeSocket) -> Array:
     """The value of an input without a link."""
     value = getattr(socket, "default_value", 0.0)
     return np.array([value], float) if np.isscalar(value) else np.array([list(value)[:3]], float)
+
+
+def asked(materials: Iterable[bpy.types.Material | None]) -> Asked:
+    """What the nodes of materials, and of the groups among them, may ask of a mesh by name."""
+    uv, attributes, seen = set(), set(), set()
+    trees = [material.node_tree for material in materials if material is not None]
+    while trees:
+        tree = trees.pop()
+        if tree is None or tree in seen:
+            continue
+        seen.add(tree)
+        for node in tree.nodes:
+            if node.bl_idname in ("ShaderNodeTexImage", "ShaderNodeTexCoord"):
+                uv.add("")
+            elif node.bl_idname == "ShaderNodeUVMap":
+                uv.add(node.uv_map)
+            elif node.bl_idname == "ShaderNodeAttribute":
+                attributes.add((node.attribute_name, False))
+            elif node.bl_idname == "ShaderNodeVertexColor":
+                attributes.add((node.layer_name, True))
+            elif node.bl_idname == "ShaderNodeGroup":
+                trees.append(node.node_tree)
+    return Asked(frozenset(uv), frozenset(attributes))
 
 
 def _image(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array | None:

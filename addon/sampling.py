@@ -7,7 +7,7 @@ is large, it is cut, so that light of several colours leaves it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from fmm_core.opacity import cell_centres
 
-from .materials import GLOSS, Surface, read_material
+from .materials import GLOSS, Name, Surface, find, read_material
 from .meshes import Layers, Mesh, with_area
 from .node_values import Points
 from .tables import Tables
@@ -47,8 +47,10 @@ MOST_PARTS = 32
 SAME, SAME_ALPHA = 0.02, 1 / 512
 #: What is less of light counts as nothing.
 DARK = 1e-4
-#: Samples that are evaluated at a time: bounds memory.
-CHUNK = 1 << 18
+#: Samples that are evaluated at a time: bounds memory, and how long Blender is held up.
+CHUNK = 1 << 15
+_ARRAYS = "albedo", "emission", "opacity", "colour"
+_DULL = np.zeros((1, GLOSS))
 
 
 @dataclass
@@ -119,32 +121,37 @@ class Painter:
     """Reads materials on meshes.
 
     detail: parts of triangles are about this large, m; images: what was read already; constants: materials that are
-    the same everywhere; tables: those of measured ones
+    the same everywhere; tables: those of measured ones; gloss: whether it is wanted
+
+    What takes long is done in steps, between which Blender may do what it likes: a material is looked up by its name
+    in each of them.
     """
 
     detail: float
     images: dict[bpy.types.Image, Image]
-    constants: dict[bpy.types.Material | None, tuple[Surface, bool, tuple[str, ...]]]
+    constants: dict[Name | None, tuple[Surface, bool, tuple[str, ...]]]
     tables: Tables
+    gloss: bool
 
     def coats(
-        self, slots: Slots, materials: Sequence[bpy.types.Material | None]
-    ) -> tuple[list[Coat], list[tuple[bpy.types.Material, str]]]:
+        self, slots: Slots, materials: Sequence[Name | None]
+    ) -> Generator[None, None, tuple[list[Coat], list[tuple[Name, str]]]]:
         """The materials of a mesh whose slots have these, and remarks by material; raises fmm_core.Error as
-        `read_material`.
+        `read_material`, and where a material is gone.
         """
         coats, remarks = [], []
         for slot, material in enumerate(materials):
             corner = slots.first(slot)
             if corner is not None:
-                coat, texts = self._coat(slots, slot, material, corner)
+                coat, texts = yield from self._coat(slots, slot, material, corner)
                 coats.append(coat)
                 remarks += [(material, text) for text in texts]
+                yield
         return coats, remarks
 
     def _coat(
-        self, slots: Slots, slot: int, material: bpy.types.Material | None, corner: int
-    ) -> tuple[Coat, tuple[str, ...]]:
+        self, slots: Slots, slot: int, material: Name | None, corner: int
+    ) -> Generator[None, None, tuple[Coat, tuple[str, ...]]]:
         """One material, which the corner has."""
         if material in self.constants:
             surface, one_sided, remarks = self.constants[material]
@@ -160,17 +167,34 @@ class Painter:
             if not first.of_object:
                 self.constants[material] = surface, one_sided, remarks
             return Coat(slot, surface, one_sided, None), remarks
+        yield
         own, at = slots.of(slot)
         points = Points(layers, at[:, None], np.ones((len(at), 1)))
-        at_corners = self._read(material, points)
+        at_corners = yield from self._read_many(material, points)
         most = MOST_COLOURS if len(at_corners.opacity) == 1 and not points.fine else MOST_FINE
-        found = _sampled(partial(self._read, material), points, own, self.detail, most)
+        found = yield from _sampled(partial(self._read, material), points, own, self.detail, most)
         return Coat(slot, at_corners, one_sided, found), remarks
 
-    def _read(self, material: bpy.types.Material | None, points: Points) -> Surface:
-        return read_material(material, points, self.images, self.tables)
+    def _read_many(self, material: Name, points: Points) -> Generator[None, None, Surface]:
+        """`_read` of many places, so many at a time."""
+        parts, surfaces = [], []
+        for start in range(0, len(points.corners), CHUNK):
+            yield
+            rows = slice(start, start + CHUNK)
+            parts.append(Points(points.layers, points.corners[rows], points.weights[rows]))
+            surfaces.append(self._read(material, parts[-1]))
+        yield
+        points.fine = any(part.fine for part in parts)
+        # An image that shows nowhere in some part, as light of strength 0, tells nothing of how fine it is there.
+        points.texels = [np.concatenate(places) for places in zip(*(part.texels for part in parts), strict=False)]
+        counts = [len(part.corners) for part in parts]
+        found = {name: _joined([getattr(each, name) for each in surfaces], counts) for name in _ARRAYS}
+        return Surface(**found, gloss=_joined([each.gloss for each in surfaces], counts) if self.gloss else _DULL)
 
-    def _sides(self, material: bpy.types.Material, front: Surface, points: Points) -> tuple[bool, tuple[str, ...]]:
+    def _read(self, material: Name | None, points: Points) -> Surface:
+        return read_material(find(material), points, self.images, self.tables)
+
+    def _sides(self, material: Name, front: Surface, points: Points) -> tuple[bool, tuple[str, ...]]:
         """Whether a material that asks which side it is seen from is dark at its back; and a remark if it cannot be."""
         back = self._read(material, Points(points.layers, points.corners, points.weights, back=True))
         dark = back.albedo.max() < DARK and back.emission.max() <= DARK * front.emission.max()
@@ -179,6 +203,15 @@ class Painter:
         names = "albedo", "emission", "opacity"
         same = all(np.allclose(getattr(front, name), getattr(back, name), rtol=DARK) for name in names)
         return False, () if same else ("its back differs from its front, which is used on both sides",)
+
+
+def _joined(parts: list[Array], counts: list[int]) -> Array:
+    """Rows of parts with so many each, or the one row that all of them have."""
+    if all(len(part) == 1 and np.array_equal(part, parts[0]) for part in parts):
+        return parts[0]
+    return np.concatenate(
+        [np.broadcast_to(part, (count, *part.shape[1:])) for part, count in zip(parts, counts, strict=True)]
+    )
 
 
 def paint(slots: Slots, coats: Sequence[Coat], gloss: bool) -> Painted:
@@ -212,7 +245,9 @@ def paint(slots: Slots, coats: Sequence[Coat], gloss: bool) -> Painted:
 _SHAPES = {"triangles": (3, 3), "albedo": (3,), "emission": (3,)}
 
 
-def _sampled(read: Callable[[Points], Surface], at: Points, corners: Array, detail: float, most: int) -> list[_Sampled]:
+def _sampled(
+    read: Callable[[Points], Surface], at: Points, corners: Array, detail: float, most: int
+) -> Generator[None, None, list[_Sampled]]:
     """Triangles with corners (K, 3), some in parts: positions, albedo, emission, opacity and its cells, in turns.
 
     at: what was asked for at the corners, in their order, which tells how fine textures are on each triangle; most:
@@ -236,10 +271,13 @@ def _sampled(read: Callable[[Points], Surface], at: Points, corners: Array, deta
         steps = np.minimum(steps, steps.max() // 2)
     parts, coarse = np.minimum(parts, steps), steps < wanted
     found = []
-    for part, step, shifted in np.unique(np.column_stack([parts, steps, coarse]), axis=0).tolist():
-        rows = np.flatnonzero((parts == part) & (steps == step) & (coarse == shifted))
+    alike = (parts * 2 * MOST_FINE + steps) * 2 + coarse
+    for kind in np.unique(alike):
+        rows = np.flatnonzero(alike == kind)
+        part, step, shifted = parts[rows[0]], steps[rows[0]], coarse[rows[0]]
         size = max(1, CHUNK // (step * step))
         for start in range(0, len(rows), size):
+            yield
             chosen = corners[rows[start : start + size]]
             found.append(_parts(read, layers, chosen, part, step // part, shifted, 2.0**-20 * detail))
     return found

@@ -27,11 +27,10 @@ class Tables:
         """Of the file that a material names, or None. Raises fmm_core.Error naming both where it cannot be read."""
         import bpy
 
-        # A change of this property alone does not get to the evaluated material.
-        given = material.original.fmm_radiosity.brdf
+        given = material.fmm_radiosity.brdf
         if not given:
             return None
-        path = Path(bpy.path.abspath(given, library=material.original.library))
+        path = Path(bpy.path.abspath(given, library=material.library))
         if path not in self._numbers:
             try:
                 about = path.stat()

@@ -24,12 +24,12 @@ class FMM_RADIOSITY_OT_bake_frames(Threaded, bpy.types.Operator):
     _frames: animation.Frames | None = None
     _shown: tuple[int, float] | None = None
 
-    def read(self, context: bpy.types.Context) -> bake.Input:
+    def reading(self, context: bpy.types.Context) -> bake.Reading:
         """Read the first frame."""
         scene = context.scene
         self._shown = scene.frame_current, scene.frame_subframe
         self._frames = animation.Frames(properties.frames_of(scene))
-        return self._frames.read(context)
+        return self._frames.reading(context)
 
     def solve(
         self, data: bake.Input, settings: fmm_core.Settings, progress: bake.Progress | None
@@ -37,10 +37,10 @@ class FMM_RADIOSITY_OT_bake_frames(Threaded, bpy.types.Operator):
         """Solve a frame."""
         return self._frames.compute(data, settings, progress)
 
-    def following(self, context: bpy.types.Context, result: bake.Result | animation.Night) -> bake.Input | None:
+    def following(self, context: bpy.types.Context, result: bake.Result | animation.Night) -> bake.Reading | None:
         """The next frame."""
         self._frames.take(result)
-        return self._frames.read(context)
+        return self._frames.reading(context) if self._frames.unfinished() else None
 
     def write(self, context: bpy.types.Context, result: bake.Result) -> dict:
         """Write all frames."""

@@ -34,9 +34,9 @@ class FMM_RADIOSITY_OT_error_map(Again, bpy.types.Operator):
         """In a thread of its own, where there is a window."""
         return _back(context) or super().invoke(context, event)
 
-    def read(self, context: bpy.types.Context) -> bake.Input:
+    def reading(self, context: bpy.types.Context) -> bake.Reading:
         """Read the scene, and check that the map can be written."""
-        data = super().read(context)
+        data = yield from super().reading(context)
         error_map.check(data)
         return data
 

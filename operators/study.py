@@ -27,9 +27,9 @@ class FMM_RADIOSITY_OT_study(Threaded, bpy.types.Operator):
     bl_label = "Study"
     bl_options: ClassVar[set[str]] = {"REGISTER"}
 
-    def read(self, context: bpy.types.Context) -> bake.Input:
+    def reading(self, context: bpy.types.Context) -> bake.Reading:
         """Read what is to be baked; nothing is kept of so many bakes."""
-        return bake.read(context)
+        return bake.reading(context)
 
     def solve(self, data: bake.Input, settings: fmm_core.Settings, progress: bake.Progress | None) -> Study:
         """All bakes; in the thread, away from Blender."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import Future
 
 import bpy
@@ -13,6 +14,9 @@ from ..addon import bake, estimate, properties
 from ..addon.panels import draw_status
 from ..addon.report import summary
 from ..addon.session import Running, session
+
+#: Seconds between two looks at the thread, and of reading at a time; both are the same in single precision.
+LOOK, MOMENT = 1 / 8, 1 / 16
 
 
 class ReadsScene:
@@ -31,23 +35,26 @@ class ReadsScene:
 
 
 class Threaded(ReadsScene):
-    """Reads the scene, solves in a thread, writes the colours. Escape cancels; in background straight through."""
+    """Reads the scene step by step, solves in a thread, writes the colours. Escape cancels; in background straight
+    through.
+    """
 
     _timer: bpy.types.Timer | None = None
+    _reading: bake.Reading | None = None
     _future: Future | None = None
     _running: Running | None = None
     _settings: fmm_core.Settings | None = None
 
-    def read(self, context: bpy.types.Context) -> bake.Input:
+    def reading(self, context: bpy.types.Context) -> bake.Reading:
         """Read what is to be solved."""
-        return bake.read(context, context.scene.fmm_radiosity.keep_visibility)
+        return bake.reading(context, context.scene.fmm_radiosity.keep_visibility)
 
     def solve(self, data: bake.Input, settings: fmm_core.Settings, progress: bake.Progress | None) -> bake.Result:
         """Solve; runs in the thread, away from Blender."""
         return bake.compute(data, settings, progress, session)
 
-    def following(self, context: bpy.types.Context, result: bake.Result) -> bake.Input | None:
-        """What is to be solved after this, if anything."""
+    def following(self, context: bpy.types.Context, result: bake.Result) -> bake.Reading | None:
+        """Read what is to be solved after this, if anything."""
         return None
 
     def write(self, context: bpy.types.Context, result: bake.Result) -> dict:
@@ -62,10 +69,10 @@ class Threaded(ReadsScene):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Straight through."""
         try:
-            settings, data = properties.settings_of(context.scene), self.read(context)
-            while data is not None:
-                result = self.solve(data, settings, None)
-                data = self.following(context, result)
+            settings, steps = properties.settings_of(context.scene), self.reading(context)
+            while steps is not None:
+                result = self.solve(bake.read_on(steps, math.inf), settings, None)
+                steps = self.following(context, result)
             return self.succeed(context, result)
         except bake.FAILURES as error:
             return self._fail(context, error)
@@ -74,41 +81,59 @@ class Threaded(ReadsScene):
         """In a thread of its own, where there is a window."""
         if bpy.app.background or not self.options.is_invoke:
             return self.execute(context)
+        self._running = Running()
         try:
-            self._settings, data = properties.settings_of(context.scene), self.read(context)
+            self._settings, self._reading = properties.settings_of(context.scene), self.reading(context)
+            self._read_on(context)
         except bake.FAILURES as error:
             return self._fail(context, error)
-        self._running = session.running = Running()
-        self._future = session.submit(self.solve, data, self._settings, self._running.progress)
-        self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
+        session.running = self._running
         context.window_manager.modal_handler_add(self)
         _show(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Watch the thread."""
+        """Read on, or watch the thread."""
         if event.type == "ESC" and event.value == "PRESS":
             self._stop(context)
             return self._fail(context, fmm_core.Cancelled())
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        if not self._future.done():
-            _show(context)
-            return {"PASS_THROUGH"}
         try:
-            result = self._future.result()
-            data = self.following(context, result)
+            result = None
+            if self._reading is None:
+                if not self._future.done():
+                    _show(context)
+                    return {"PASS_THROUGH"}
+                result = self._future.result()
+                self._reading = self.following(context, result)
+            if self._reading is not None:
+                self._read_on(context)
+                return {"PASS_THROUGH"}
         except bake.FAILURES as error:
             self._stop(context)
             return self._fail(context, error)
-        if data is not None:
-            self._future = session.submit(self.solve, data, self._settings, self._running.progress)
-            return {"PASS_THROUGH"}
         self._stop(context)
         try:
             return self.succeed(context, result)
         except bake.FAILURES as error:
             return self._fail(context, error)
+
+    def _read_on(self, context: bpy.types.Context) -> None:
+        """Read for a moment; once all is read let the thread solve it."""
+        data = bake.read_on(self._reading, MOMENT)
+        if data is not None:
+            self._reading = None
+            self._future = session.submit(self.solve, data, self._settings, self._running.progress)
+        self._wake(context, MOMENT if data is None else LOOK)
+
+    def _wake(self, context: bpy.types.Context, seconds: float | None) -> None:
+        """Let `modal` be called every so many seconds, or no longer."""
+        if self._timer is not None and (seconds is None or self._timer.time_step != seconds):
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+        if self._timer is None and seconds is not None:
+            self._timer = context.window_manager.event_timer_add(seconds, window=context.window)
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Called by Blender when it ends the operator, as when a file is opened or the program quits."""
@@ -119,7 +144,7 @@ class Threaded(ReadsScene):
         """Let go of the thread: where it still runs, it ends by itself at the next step and its work is dropped."""
         self._running.cancelled = True
         session.running = None
-        context.window_manager.event_timer_remove(self._timer)
+        self._wake(context, None)
         context.workspace.status_text_set(None)
         _redraw(context)
 

@@ -278,6 +278,23 @@ def many_vertices(stalls: Stalls) -> Steps:
     stalls.check("while the hall is lit anew")
 
 
+def noise(stalls: Stalls) -> Steps:
+    """Read walls and floor of noise, which takes seconds, and go back."""
+    for name in ("Floor", "Wall"):
+        tree = bpy.data.materials[name].node_tree
+        shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfDiffuse")
+        tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs["Color"], shader.inputs["Color"])
+    yield 1.0
+    stalls.forget()
+    began = time.perf_counter()
+    assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
+    while session().running.text == "Reading the scene":
+        yield LOOK
+    say(f"hall: noise is read in {time.perf_counter() - began:.2f} s")
+    stalls.check("while noise is read")
+    yield from escape()
+
+
 def study() -> Steps:
     """Study the Cornell box, and find the picture in an image editor."""
     yield from open_scene(ROOT / "examples" / "cornell_box.blend")
@@ -358,6 +375,7 @@ def day(stalls: Stalls) -> Steps:
     yield from subdivide_and_refine()
     yield from save_and_reopen()
     yield from many_vertices(stalls)
+    yield from noise(stalls)
     yield from first_bake()
     yield from speak_german()
     yield from study()

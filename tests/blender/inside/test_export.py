@@ -242,15 +242,50 @@ def test_negative_strength_is_an_error(build, read):
         read()
 
 
-def test_what_was_read_is_put_together_in_a_thread_after_the_scene_is_gone(build, fmm, read):
+@pytest.fixture
+def painted_room(build):
+    """A room whose floor has the colours of an attribute, which a group reads."""
     build.room()
     paint = bpy.data.meshes["Floor"].color_attributes.new("Paint", "FLOAT_COLOR", "CORNER")
     paint.data.foreach_set("color", np.linspace(0, 1, 4 * len(paint.data)))
-    material = bpy.data.meshes["Floor"].materials[0]
-    node = material.node_tree.nodes.new("ShaderNodeVertexColor")
+    group = bpy.data.node_groups.new("Painted", "ShaderNodeTree")
+    group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+    node, end = group.nodes.new("ShaderNodeVertexColor"), group.nodes.new("NodeGroupOutput")
     node.layer_name = "Paint"
-    shader = next(each for each in material.node_tree.nodes if each.bl_idname.startswith("ShaderNodeBsdf"))
-    material.node_tree.links.new(node.outputs["Color"], shader.inputs[0])
+    group.links.new(node.outputs["Color"], end.inputs["Color"])
+    tree = bpy.data.meshes["Floor"].materials[0].node_tree
+    holder = tree.nodes.new("ShaderNodeGroup")
+    holder.node_tree = group
+    shader = next(each for each in tree.nodes if each.bl_idname.startswith("ShaderNodeBsdf"))
+    tree.links.new(holder.outputs["Color"], shader.inputs[0])
+
+
+def test_materials_are_read_in_steps_whatever_becomes_of_the_objects(painted_room, fmm, read, monkeypatch):
+    expected = read()
+    monkeypatch.setattr("bl_ext.user_default.fmm_radiosity.addon.sampling.CHUNK", 8)
+    reading = fmm.export.read_meshes(bpy.context.evaluated_depsgraph_get())
+    steps = reading.painting()
+    next(steps)
+    for kind in (bpy.data.objects, bpy.data.meshes):
+        for block in list(kind):
+            kind.remove(block)
+    bpy.context.view_layer.update()
+    assert sum(1 for _ in steps) > 10
+    found = reading.arrays()
+    assert len(np.unique(found.corner_albedo)) > 4
+    for name in ("triangles", "emission", "corner_position", "corner_normal", "corner_albedo"):
+        assert (getattr(found, name) == getattr(expected, name)).all(), name
+
+
+def test_a_material_that_is_removed_while_it_is_read_is_named(painted_room, fmm):
+    steps = fmm.export.read_meshes(bpy.context.evaluated_depsgraph_get()).painting()
+    next(steps)
+    bpy.data.materials.remove(bpy.data.materials["Red"])
+    with pytest.raises(Error, match=r"^material 'Red' was removed while it was read$"):
+        list(steps)
+
+
+def test_what_was_read_is_put_together_in_a_thread_after_the_scene_is_gone(painted_room, fmm, read):
     expected = read()
     assert len(np.unique(expected.corner_albedo)) > 4
     reading = fmm.export.read_scene(bpy.context.evaluated_depsgraph_get())
