@@ -154,6 +154,19 @@ def hsv_to_rgb(colours: Array) -> Array:
     return value[:, None] * (1 - saturation[:, None] * (1 - np.clip(ramp, 0.0, 1.0)))
 
 
+def mapped(kind: str, vector: Array, shift: Array, turned: Array, scale: Array) -> Array:
+    """Vectors (S, 3), scaled, turned by matrices (S, 3, 3) and shifted as a node Mapping of this kind does."""
+    if kind == "TEXTURE":
+        back = (turned.swapaxes(1, 2) @ (vector - shift)[..., None])[..., 0]
+        return back / np.where(scale != 0, scale, np.inf)
+    if kind == "NORMAL":
+        found = (turned @ (vector / np.where(scale != 0, scale, np.inf))[..., None])[..., 0]
+        length = np.linalg.norm(found, axis=1, keepdims=True)
+        return found / np.where(length > 0, length, 1.0)
+    found = (turned @ (vector * scale)[..., None])[..., 0]
+    return found + shift if kind == "POINT" else found
+
+
 def rotation(angles: Array) -> Array:
     """(S, 3, 3) matrices of Euler angles (S, 3) about x, then y, then z."""
     (sx, sy, sz), (cx, cy, cz) = np.sin(angles).T, np.cos(angles).T

@@ -67,7 +67,7 @@ def _image(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -
     if pixels.strange_space:
         values.remarks.append(f"image '{image.name}' is in the colour space {pixels.strange_space}: read as linear")
     vector = node.inputs["Vector"]
-    places = values.colour(vector) if vector.is_linked else _uv(values, "")
+    places = put(node, values.colour(vector) if vector.is_linked else _uv(values, ""))
     sides = [(np.ones(1), places)]
     if node.projection == "BOX":
         sides = box(places, points.mean(points.layers.normal), node.projection_blend)
@@ -137,16 +137,19 @@ def _light_path(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSock
 def _mapping(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array | None:
     vector, scale = values.colour(node.inputs["Vector"]), values.colour(node.inputs["Scale"])
     turned = node_math.rotation(values.colour(node.inputs["Rotation"]))
-    if node.vector_type in ("POINT", "TEXTURE"):
-        shift = values.colour(node.inputs["Location"])
-    if node.vector_type == "POINT":
-        return (turned @ (vector * scale)[..., None])[..., 0] + shift
-    if node.vector_type == "VECTOR":
-        return (turned @ (vector * scale)[..., None])[..., 0]
-    if node.vector_type == "TEXTURE":
-        back = (turned.swapaxes(1, 2) @ (vector - shift)[..., None])[..., 0]
-        return back / np.where(scale != 0, scale, np.inf)
-    return None
+    moves = node.vector_type in ("POINT", "TEXTURE")
+    shift = values.colour(node.inputs["Location"]) if moves else np.zeros((1, 3))
+    return node_math.mapped(node.vector_type, vector, shift, turned, scale)
+
+
+def put(node: bpy.types.Node, places: Array) -> Array:
+    """Places (S, 3) where the panel Texture Mapping of a texture puts them, as in Cycles, which has no bounds."""
+    own = node.texture_mapping
+    axes = ["NONE", "X", "Y", "Z"]
+    places = np.column_stack([np.zeros(len(places)), places])
+    places = places[:, [axes.index(axis) for axis in (own.mapping_x, own.mapping_y, own.mapping_z)]]
+    shift, angles, scale = (np.array([part[:]], float) for part in (own.translation, own.rotation, own.scale))
+    return node_math.mapped(own.vector_type, places, shift, node_math.rotation(angles), scale)
 
 
 def _mix(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array | None:
@@ -295,6 +298,7 @@ def _combine(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket)
 def _checker(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array:
     vector, scale = node.inputs["Vector"], values.number(node.inputs["Scale"])[:, None]
     places = values.colour(vector) if vector.is_linked else values.points.mean(values.points.layers.generated)
+    places = put(node, places)
     values.points.fine = True
     # As Cycles, which keeps places on a border on one side.
     first = np.floor((places * scale + 1e-6) * 0.999999).sum(axis=1) % 2 == 1

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import node_fields, node_math
-from .node_readers import READERS, plain
+from .node_readers import READERS, plain, put
 
 if TYPE_CHECKING:
     import bpy
@@ -147,10 +147,13 @@ class Values:
     def _field(self, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array:
         given = {}
         for each in node.inputs:
+            of_texture = each.name == "Vector" and node.bl_idname in node_fields.GENERATED
             if each.enabled and each.is_linked:
                 given[each.identifier] = self.number(each) if each.type == "VALUE" else self.colour(each)
-            elif each.name == "Vector" and node.bl_idname in node_fields.GENERATED:
+            elif of_texture:
                 given[each.identifier] = self.points.mean(self.points.layers.generated)
+            if of_texture:
+                given[each.identifier] = put(node, given[each.identifier])
         self.points.fine |= any(len(values) > 1 for values in given.values())
         return node_fields.evaluate(node, socket, given)
 

@@ -118,6 +118,15 @@ def mapped(new, kind):
     return texture(new, vector=turned)
 
 
+def put(output, kind="POINT", **settings):
+    """The same texture with values in its panel Texture Mapping."""
+    own = output.node.texture_mapping
+    own.vector_type, own.translation, own.rotation, own.scale = kind, (0.1, -0.3, 0.2), (0.0, 0.2, 0.7), (2.0, 0.7, 1.0)
+    for name, value in settings.items():
+        setattr(own, name, value)
+    return output
+
+
 def of_number(new):
     return new("SeparateColor", texture(new), output=1)
 
@@ -148,7 +157,16 @@ CHAINS = {
     "generated": lambda new: texture(new, vector=new("TexCoord", output="Generated")),
     "object": lambda new: texture(new, vector=new("TexCoord", output="Object")),
     "position": lambda new: texture(new, vector=new("NewGeometry", output="Position")),
-    **{f"mapping {kind}": (lambda new, kind=kind: mapped(new, kind)) for kind in ("POINT", "TEXTURE", "VECTOR")},
+    **{f"mapping {kind}": (lambda new, kind=kind: mapped(new, kind))
+       for kind in ("POINT", "TEXTURE", "VECTOR", "NORMAL")},
+    **{f"own mapping {kind}": (lambda new, kind=kind: put(texture(new), kind))
+       for kind in ("POINT", "TEXTURE", "VECTOR", "NORMAL")},
+    "own mapping of axes": lambda new: put(texture(new), mapping_x="Y", mapping_y="X", mapping_z="NONE"),
+    "own mapping in bounds": lambda new: put(texture(new), use_min=True, use_max=True, min=(-0.2, 0.1, 0),
+                                             max=(0.4, 0.6, 1)),
+    "own mapping of noise": lambda new: put(new("TexNoise", Scale=1.3), rotation=(0.4, 0.0, 0.9)),
+    "own mapping of checks": lambda new: put(new("TexChecker", new("TexCoord", output="UV"), RED, BLUE, 1.3),
+                                             "TEXTURE"),
     "colour attribute": lambda new: new("VertexColor", settings={"layer_name": "Bytes"}),
     "colour attribute of renders": lambda new: new("VertexColor"),
     "colours of vertices": lambda new: new("Attribute", settings={"attribute_name": "Floats"}),
