@@ -134,9 +134,8 @@ def _of_shader(material: bpy.types.Material, points: Points, images: dict[bpy.ty
         colour = np.array([material.diffuse_color[:3]], float)
         colour = _checked(colour, material, "Base Color")
         return Surface(colour, BLACK, ALL, colour, _gloss(diffuse=colour))
-    socket = _surface_socket(material.node_tree)
-    volume, left_out = volume_node(material), read_volume(material)[1]
-    if volume is not None and not (socket is not None and socket.is_linked):
+    socket, left_out = _surface_socket(material.node_tree), read_volume(material)[1]
+    if is_air(material):
         return Surface(GREY, BLACK, NONE, GREY, _gloss(diffuse=GREY), tuple(left_out))
     if socket is None or not socket.is_linked:
         return Surface(
@@ -155,6 +154,14 @@ def _of_shader(material: bpy.types.Material, points: Points, images: dict[bpy.ty
     opacity = np.where(opacity > 10 * TRACE, np.where(opacity < 1 - 10 * TRACE, opacity, 1.0), 0.0)
     parts = closure.albedo / solid, closure.emission / solid, opacity, closure.colour / solid, closure.gloss / solid
     return Surface(*parts, tuple(shaders.remarks))
+
+
+def is_air(material: bpy.types.Material | None) -> bool:
+    """Whether a material has a volume and no surface."""
+    if volume_node(material) is None:
+        return False
+    socket = _surface_socket(material.node_tree)
+    return socket is None or not socket.is_linked
 
 
 def _gloss(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A small Cycles picture of a baked scene: every mesh shows its colour attribute and nothing else.
+"""A small Cycles picture of a baked scene: every mesh with a surface shows its colour attribute and nothing else.
 
 It is rendered in a copy of the scene with a material, a view layer override and, where needed, a camera of its own;
 all of that is removed again.
@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from fmm_core import Error
+
+from .materials import is_air
 
 if TYPE_CHECKING:
     import bpy
@@ -32,6 +34,7 @@ def render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, corners: np.ndarr
 
     material = _attribute_material(name, _white(scene))
     images = set(bpy.data.images)
+    unseen = [obj for obj in scene.objects if not obj.hide_render and _is_air(obj)]
     copy = scene.copy()
     camera = None
     try:
@@ -40,10 +43,14 @@ def render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, corners: np.ndarr
         if copy.camera is None:
             camera = _fitted_camera(copy, corners)
         _set_up(copy, path)
+        for obj in unseen:
+            obj.hide_render = True
         bpy.ops.render.render(write_still=True, scene=copy.name, layer=layer.name)
     except RuntimeError as error:
         raise Error(f"the preview could not be rendered: {' '.join(str(error).split())}") from None
     finally:
+        for obj in unseen:
+            obj.hide_render = False
         bpy.data.scenes.remove(copy)
         if camera is not None:
             bpy.data.cameras.remove(camera)
@@ -53,6 +60,11 @@ def render(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, corners: np.ndarr
     # Blender does not mind a disk that is full.
     if not path.is_file() or not path.read_bytes().endswith(_PNG_END):
         raise OSError(errno.EIO, "Blender could not save it, is the disk full?")
+
+
+def _is_air(obj: bpy.types.Object) -> bool:
+    """Whether an object is a mesh that only holds a volume."""
+    return obj.type == "MESH" and bool(obj.material_slots) and all(is_air(slot.material) for slot in obj.material_slots)
 
 
 def _white(scene: bpy.types.Scene) -> float:

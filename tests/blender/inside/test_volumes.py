@@ -183,3 +183,21 @@ def test_objects_that_are_neither_meshes_nor_lamps_are_named(fill, read, kind, w
     obj = bpy.data.objects.new("Smoke", getattr(bpy.data, kind).new("Smoke"))
     bpy.context.scene.collection.objects.link(obj)
     assert read().warnings == (f"object 'Smoke' ({what}) is not simulated: left out",)
+
+
+def test_preview_looks_through_a_mesh_that_only_holds_a_volume(build, fill, command, tmp_path):
+    build.camera((0.5, 0.5, 1.5))
+    haze = bpy.data.materials.new("Haze")
+    fill(haze, "ShaderNodeOutputMaterial", "ShaderNodeVolumeAbsorption", Density=1e-6)
+    haze.node_tree.links.remove(haze.node_tree.nodes["Material Output"].inputs["Surface"].links[0])
+    pictures = []
+    for name in ("clear", "hazy"):
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / f"{name}.blend"))
+        path = tmp_path / f"{name}.png"
+        assert command("bake", "-o", tmp_path / "out.blend", "--preview", path) == (0, [])
+        pictures.append(np.array(bpy.data.images.load(str(path)).pixels))
+        box = build.cube("Haze", bpy.data.materials["Haze"])
+        box.location = (0.5, 0.5, 1.1)
+    assert pictures[0].max() > 0.1
+    assert np.abs(pictures[0] - pictures[1]).mean() < 0.005
+    assert not bpy.data.objects["Haze"].hide_render
