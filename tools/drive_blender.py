@@ -279,16 +279,21 @@ def many_vertices(stalls: Stalls) -> Steps:
 
 
 def noise(stalls: Stalls) -> Steps:
-    """Read walls and floor of noise, which takes seconds, and go back."""
+    """Read walls and floor of noise, which takes seconds: Escape half way, and again to the end."""
     for name in ("Floor", "Wall"):
         tree = bpy.data.materials[name].node_tree
         shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfDiffuse")
         tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs["Color"], shader.inputs["Color"])
     yield 1.0
+    reading = "Reading the scene"
+    assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
+    yield 0.5
+    assert session().running.text == reading
+    yield from escape()
     stalls.forget()
     began = time.perf_counter()
     assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
-    while session().running.text == "Reading the scene":
+    while session().running.text == reading:
         yield LOOK
     say(f"hall: noise is read in {time.perf_counter() - began:.2f} s")
     stalls.check("while noise is read")
