@@ -243,7 +243,7 @@ def test_long_names(command, room, tmp_path):
     )
 
 
-@pytest.mark.parametrize("step", ["read", "compute", "write"])
+@pytest.mark.parametrize("step", ["reading", "compute", "write"])
 def test_no_memory_is_one_line(command, room, tmp_path, fmm, monkeypatch, step):
     def fail(*_arguments):
         raise MemoryError("Unable to allocate 3 TiB")
