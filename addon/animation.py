@@ -15,8 +15,9 @@ import fmm_core
 import numpy as np
 from fmm_core.progress import part
 
-from . import attributes, bake, export
+from . import attributes, bake
 from .memory import Progress
+from .scene_arrays import Dark
 from .session import Session
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ class Night:
     """What a frame without light gives: the input, the error it would be alone, and the seconds it took."""
 
     data: bake.Input
-    error: export.Dark
+    error: Dark
     seconds: float
 
 
@@ -54,7 +55,7 @@ class Frames:
     def __init__(self, numbers: Sequence[int]) -> None:
         self._numbers = numbers
         self._done: list[Frame] = []
-        self._dark: export.Dark | None = None
+        self._dark: Dark | None = None
         self._session = Session()
 
     def unfinished(self) -> bool:
@@ -80,7 +81,7 @@ class Frames:
         with self._named():
             try:
                 return bake.compute(data, settings, share, self._session)
-            except export.Dark as error:
+            except Dark as error:
                 return Night(data, error, data.seconds + time.perf_counter() - began)
 
     @contextmanager

@@ -13,7 +13,7 @@ from fmm_core import Error
 if TYPE_CHECKING:
     import bpy
 
-    from .export import Receiver
+    from .scene_arrays import Receiver
 
 NAME = "Radiosity"
 _UNFINISHED = "Radiosity (being written)"

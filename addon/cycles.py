@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import bpy
     from fmm_core import OutputPoints
 
-    from .export import SceneArrays
+    from .scene_arrays import SceneArrays
 
 _ATTRIBUTE = "Cycles"
 

@@ -15,6 +15,7 @@ from fmm_core.progress import part
 
 from . import attributes, export, materials, memory
 from .memory import Progress
+from .scene_arrays import SceneArrays
 from .session import Session
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class Input:
     warnings: tuple[str, ...] = ()
 
     @cached_property
-    def arrays(self) -> export.SceneArrays:
+    def arrays(self) -> SceneArrays:
         """Those of the scene, put together when they are first asked for, in any thread."""
         return self.scene.arrays()
 
@@ -49,7 +50,7 @@ class Result:
     warnings: those that are neither of the arrays nor of the solution
     """
 
-    arrays: export.SceneArrays
+    arrays: SceneArrays
     output: attributes.Output
     layers: dict[str, np.ndarray]
     solution: fmm_core.Solution
@@ -86,7 +87,7 @@ class Places:
         return gathered if self.fit is None else self.fit.values(gathered, solution.sight(self.fit))
 
 
-def places_of(arrays: export.SceneArrays, fitted: bool, session: Session) -> Places:
+def places_of(arrays: SceneArrays, fitted: bool, session: Session) -> Places:
     """Those of a scene: of the last bake where the shape is the same."""
     shape = (
         arrays.corner_position,
@@ -168,7 +169,7 @@ def solved(
     return fmm_core.solve_at(scene, settings, *places.asked, part(progress, 0.0, 0.9), kept, places.effort)
 
 
-def scene_of(arrays: export.SceneArrays) -> fmm_core.Scene:
+def scene_of(arrays: SceneArrays) -> fmm_core.Scene:
     """The scene as the core takes it."""
     return fmm_core.Scene(
         arrays.triangles,
@@ -185,14 +186,14 @@ def scene_of(arrays: export.SceneArrays) -> fmm_core.Scene:
     )
 
 
-def points_of(arrays: export.SceneArrays) -> fmm_core.OutputPoints:
+def points_of(arrays: SceneArrays) -> fmm_core.OutputPoints:
     """Where the light of the corners is found."""
     return fmm_core.output_points(
         arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangle_centre
     )
 
 
-def fit_of(arrays: export.SceneArrays, points: fmm_core.OutputPoints, seed: int | None = None) -> fmm_core.VertexFit:
+def fit_of(arrays: SceneArrays, points: fmm_core.OutputPoints, seed: int | None = None) -> fmm_core.VertexFit:
     """Samples on the faces of the receivers, in random places where there is a seed."""
     corners = arrays.corner_position, arrays.corner_normal, arrays.corner_triangles
     return fmm_core.VertexFit(points, *corners, seed=seed)
@@ -226,7 +227,7 @@ def _save(kept: fmm_core.KeptVisibility | None, path: Path | None, warnings: lis
         warnings.append(f"visibility is not kept: {error}")
 
 
-def colours_of(arrays: export.SceneArrays, irradiance: np.ndarray, content: str) -> np.ndarray:
+def colours_of(arrays: SceneArrays, irradiance: np.ndarray, content: str) -> np.ndarray:
     """Colours (C,3) of diffuse corners that receive irradiance (C,3) in W/m^2.
 
     "FULL" is their radiance, (emission + albedo irradiance) / pi; the others are irradiance / pi, the light alone.
@@ -237,7 +238,7 @@ def colours_of(arrays: export.SceneArrays, irradiance: np.ndarray, content: str)
 
 
 def view_of(
-    arrays: export.SceneArrays,
+    arrays: SceneArrays,
     points: fmm_core.OutputPoints,
     solution: fmm_core.Solution,
     irradiance: np.ndarray,

@@ -21,8 +21,8 @@ from . import memory
 from .solving import points_of, scene_of
 
 if TYPE_CHECKING:
-    from .export import SceneArrays
     from .memory import Progress
+    from .scene_arrays import SceneArrays
     from .solving import Input
 
 #: Share of the progress that finding the truth takes.
