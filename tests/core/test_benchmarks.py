@@ -59,10 +59,14 @@ def test_fitted_colours_are_nearer_to_the_light_on_the_faces_than_those_at_verti
 def test_effects_are_compared_with_and_without():
     done = run("effects", "--json")
     assert done.returncode == 0, done.stderr
-    rows = {row["effect"]: row for row in json.loads(done.stdout)}
+    table = json.loads(done.stdout)
+    rows = {row["effect"]: row for row in table if "effect" in row}
     assert list(rows) == list(fmm_core.EFFECTS)
     assert rows["occlusion"]["rays_without"] == 0 < rows["occlusion"]["rays_with"]
     assert rows["sky"]["rays_without"] < rows["sky"]["rays_with"]
+    plans = [row for row in table if "plan_share" in row]
+    assert len(plans) > 3
+    assert all(0 < row["plan_share"] < 1 for row in plans)
 
 
 def test_shipped_scenes_can_be_read():

@@ -349,13 +349,6 @@ pub fn coincident<'py>(
     Ok(vector(py, found.map_err(value_error)?))
 }
 
-/// Whether all triangles (T, 3, 3) are inside a mesh without openings.
-#[pyfunction]
-pub fn is_sealed(py: Python, scene: PyReadonlyArray3<f64>) -> PyResult<bool> {
-    let triangles = triangles(&scene)?;
-    Ok(py.detach(|| ::fmm::meshes::is_sealed(triangles)))
-}
-
 /// Scene numbers (N,) of points in the order of an octree: any run of them lies close together.
 #[pyfunction]
 pub fn tree_order<'py>(py: Python<'py>, points: Points, normals: Points) -> PyResult<Bound<'py, PyArray1<u32>>> {

@@ -4,6 +4,7 @@
 mod arrays;
 mod direct;
 mod fmm;
+mod geometry;
 mod medium;
 
 use pyo3::prelude::*;
@@ -22,7 +23,9 @@ fn _binding(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(fmm::coincident, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::contacts, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::limit_threads, module)?)?;
-    module.add_function(wrap_pyfunction!(fmm::is_sealed, module)?)?;
+    module.add_function(wrap_pyfunction!(geometry::is_sealed, module)?)?;
+    module.add_function(wrap_pyfunction!(geometry::planes, module)?)?;
+    module.add_function(wrap_pyfunction!(geometry::volume, module)?)?;
     module.add_function(wrap_pyfunction!(direct::facing_rays, module)?)?;
     module.add_function(wrap_pyfunction!(direct::mark_visible, module)?)?;
     module.add_function(wrap_pyfunction!(direct::symmetrise, module)?)?;

@@ -34,6 +34,7 @@ mod octree_grid;
 mod octree_normals;
 mod octree_points;
 mod passes;
+pub mod planes;
 pub mod rays;
 pub mod shaft;
 pub mod surface;

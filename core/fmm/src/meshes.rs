@@ -4,7 +4,7 @@
 use crate::vector::{cross, dot, high, low, sub};
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
-use std::collections::{HashMap, HashSet};
+use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
 
 /// Normals whose cross product is shorter lie in one plane.
 pub(crate) const PARALLEL: f64 = 1e-3;
@@ -18,16 +18,31 @@ const ROUNDING: f64 = 1e-6;
 /// The mesh that each triangle belongs to, by its first triangle: triangles of one mesh are of one key and joined by corners
 /// at exactly the same places.
 pub(crate) fn connected(triangles: &[[Vector; 3]], keys: &[u64]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
-    let mut first: HashMap<(Place, u64), u32> = HashMap::with_capacity(triangles.len());
-    for ((triangle, &key), i) in triangles.iter().zip(keys).zip(0..) {
-        for corner in triangle {
-            let other = *first.entry((place(corner), key)).or_insert(i);
+    meshes(&corners(triangles, keys))
+}
+
+/// The same from the numbers of their corners.
+fn meshes(corners: &[[u32; 3]]) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..corners.len() as u32).collect();
+    let mut first = vec![u32::MAX; corners.as_flattened().iter().max().map_or(0, |&most| most as usize + 1)];
+    for (triangle, i) in corners.iter().zip(0..) {
+        for &corner in triangle {
+            let other = std::mem::replace(&mut first[corner as usize], i).min(i);
             let (a, b) = (root(&mut parent, i), root(&mut parent, other));
             parent[a.max(b) as usize] = a.min(b);
         }
     }
-    (0..triangles.len() as u32).map(|i| root(&mut parent, i)).collect()
+    (0..corners.len() as u32).map(|i| root(&mut parent, i)).collect()
+}
+
+/// Numbers of the corners of triangles: the same where the place and the key are.
+fn corners(triangles: &[[Vector; 3]], keys: &[u64]) -> Vec<[u32; 3]> {
+    let mut known = FxHashMap::with_capacity_and_hasher(triangles.len(), FxBuildHasher);
+    let mut number = |corner, key| {
+        let next = known.len() as u32;
+        *known.entry((place(corner), key)).or_insert(next)
+    };
+    triangles.iter().zip(keys).map(|([a, b, c], &key)| [number(a, key), number(b, key), number(c, key)]).collect()
 }
 
 /// Finds triangles by their bounding boxes.
@@ -55,14 +70,16 @@ fn root(parent: &mut [u32], mut i: u32) -> u32 {
 pub fn is_sealed(triangles: &[[Vector; 3]]) -> bool {
     let all = bounds(triangles.iter());
     let slack = ROUNDING * sub(all.1, all.0).into_iter().fold(0.0, f64::max);
-    let mut meshes: HashMap<u32, Vec<&[Vector; 3]>> = HashMap::new();
-    for (triangle, mesh) in triangles.iter().zip(connected(triangles, &vec![0; triangles.len()])) {
-        meshes.entry(mesh).or_default().push(triangle);
+    let corners = corners(triangles, &vec![0; triangles.len()]);
+    let mut parts: FxHashMap<u32, Vec<usize>> = FxHashMap::default();
+    for (mesh, i) in meshes(&corners).into_iter().zip(0..) {
+        parts.entry(mesh).or_default().push(i);
     }
-    meshes.values().any(|mesh| {
-        let (least, most) = bounds(mesh.iter().copied());
+    parts.values().any(|mesh| {
+        let part = || mesh.iter().map(|&i| &triangles[i]);
+        let (least, most) = bounds(part());
         let holds_all = (0..3).all(|i| least[i] <= all.0[i] + slack && most[i] >= all.1[i] - slack);
-        holds_all && is_closed(mesh) && volume(mesh, least) < 0.0
+        holds_all && is_closed(mesh.iter().map(|&i| corners[i])) && volume(part()) < 0.0
     })
 }
 
@@ -71,16 +88,22 @@ fn bounds<'a>(triangles: impl Iterator<Item = &'a [Vector; 3]>) -> (Vector, Vect
     triangles.flatten().fold(none, |(least, most), &corner| (low(least, corner), high(most, corner)))
 }
 
-/// Whether each edge is shared by two triangles that run along it in opposite directions.
-fn is_closed(mesh: &[&[Vector; 3]]) -> bool {
-    let mut edges: HashSet<(Place, Place)> = HashSet::with_capacity(3 * mesh.len());
-    let ends = || mesh.iter().flat_map(|t| (0..3).map(|i| (place(&t[i]), place(&t[(i + 1) % 3]))));
-    ends().all(|edge| edges.insert(edge)) && ends().all(|(a, b)| edges.contains(&(b, a)))
+/// Whether each edge is shared by two triangles that run along it in opposite directions; by the numbers of their corners.
+fn is_closed(mesh: impl ExactSizeIterator<Item = [u32; 3]> + Clone) -> bool {
+    let mut edges = FxHashSet::with_capacity_and_hasher(3 * mesh.len(), FxBuildHasher);
+    let mut ends = mesh.flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)]);
+    ends.clone().all(|edge| edges.insert(edge)) && ends.all(|(a, b)| edges.contains(&(b, a)))
 }
 
-/// Six times what is inside, below 0 where the triangles face inwards.
-fn volume(mesh: &[&[Vector; 3]], origin: Vector) -> f64 {
-    mesh.iter().map(|t| t.map(|corner| sub(corner, origin))).map(|[a, b, c]| dot(a, cross(b, c))).sum()
+/// What is inside triangles, cubic scene units; below 0 where they face inwards.
+pub fn volume<'a>(mesh: impl Iterator<Item = &'a [Vector; 3]> + Clone) -> f64 {
+    // Far away from the origin it would be lost in rounding.
+    let Some([origin, ..]) = mesh.clone().next() else { return 0.0 };
+    let six = |t: &[Vector; 3]| {
+        let [a, b, c] = t.map(|corner| sub(corner, *origin));
+        dot(a, cross(b, c))
+    };
+    mesh.map(six).sum::<f64>() / 6.0
 }
 
 #[cfg(test)]

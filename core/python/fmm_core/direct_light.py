@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding, patterns
-from .convexity import nothing_between
+from .convexity import Planes
 from .lights import Light, Samples, SunLight
 from .medium import left
 from .particles import Particles
@@ -132,8 +132,8 @@ class Receivers:
         seen, through = np.ones(len(rows)), np.ones(len(rows))
         shadows = light.shadows and self._occlusion is not None and len(rows) > 0
         if shadows:
-            standing = self._occlusion.shading.triangles, self._occlusion.size
-            shadows = not nothing_between(*standing, self.points[rows], *light.extent)
+            planes = Planes(self._occlusion.shading.triangles, self._occlusion.size, self.points[rows])
+            shadows = not planes.nothing_between(*light.extent)
         partly, again = np.zeros((2, len(rows)), bool)
 
         def first(block: slice) -> int:

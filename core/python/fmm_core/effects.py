@@ -3,11 +3,12 @@
 
 import copy
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from . import _binding
-from .convexity import nothing_between, some_face, some_stand_between
+from .convexity import Planes
 from .scene import Scene
 from .settings import EFFECTS, Settings
 
@@ -25,7 +26,10 @@ def plan(scene: Scene, settings: Settings) -> dict[str, Effect]:
 
     Where the settings force one, its reason says so; what the scene does not have at all cannot be forced on.
     """
-    decisions = (_occlusion, _interreflection, _colour, _lamps, _sky, _transparency, _two_sided, _glossy, _medium)
+    # Both ask the same planes.
+    planes = Planes(scene.triangles, scene.size, scene.triangles.reshape(-1, 3))
+    geometric = partial(_occlusion, planes), partial(_interreflection, planes)
+    decisions = (*geometric, _colour, _lamps, _sky, _transparency, _two_sided, _glossy, _medium)
     # The paper's own algorithm asks rays in any scene.
     forced = {"occlusion": True} if settings.visibility == "cells" else {}
     forced |= settings.effects
@@ -75,24 +79,32 @@ def _forced(effect: Effect, wanted: bool | None) -> Effect:
     return Effect(wanted, f"switched {'on' if wanted else 'off'} ({effect.why})")
 
 
-def _occlusion(scene: Scene) -> Effect:
-    corners = scene.triangles.reshape(-1, 3)
-    if some_stand_between(scene.triangles, scene.size):
+def _occlusion(planes: Planes, scene: Scene) -> Effect:
+    if planes.some_stand_between():
         return Effect(True, "a surface can stand between two others")
+    shading = planes
+    if scene.shade is not None:
+        shading = Planes(scene.shade.triangles, scene.size, scene.triangles.reshape(-1, 3))
     for light in scene.lights:
-        if light.shadows and not nothing_between(scene.shading.triangles, scene.size, corners, *light.extent):
+        if light.shadows and not shading.nothing_between(*light.extent):
             return Effect(True, "a surface can stand between a lamp and another one")
-    if scene.sky is not None and (scene.shade is not None or some_face(scene.triangles, scene.size, scene.two_sided)):
+    if scene.sky is not None and (scene.shade is not None or _some_face(planes, scene)):
         return Effect(True, "surfaces hide parts of the sky from each other")
     return Effect(False, "nothing can be in the way: no surface has others on both sides of its plane")
 
 
-def _interreflection(scene: Scene) -> Effect:
+def _interreflection(planes: Planes, scene: Scene) -> Effect:
     if not scene.albedo.any():
         return Effect(False, "no surface reflects anything: all are black")
-    if not some_face(scene.triangles, scene.size, scene.two_sided):
+    if not _some_face(planes, scene):
         return Effect(False, "no surface faces another one")
     return Effect(True, f"surfaces reflect up to {scene.albedo.max():.0%} of the light")
+
+
+def _some_face(planes: Planes, scene: Scene) -> bool:
+    """Whether a surface may face another one, with its back if it has two sides."""
+    backs = scene.triangles[scene.two_sided][:, ::-1]
+    return planes.some_face() or Planes(backs, scene.size, scene.triangles.reshape(-1, 3)).some_face()
 
 
 def _colour(scene: Scene) -> Effect:

@@ -112,7 +112,7 @@ class PointLight(_Lamp):
 
     @property
     def extent(self) -> tuple[Points, float]:
-        """Where it is, as `convexity.nothing_between` takes it."""
+        """Where it is, as `convexity.Planes.nothing_between` takes it."""
         return np.array([[*self.position, 1.0]]), self.radius
 
     def unshadowed(self, points: Points, normals: Points) -> Points:
@@ -214,7 +214,7 @@ class SunLight(_Lamp):
 
     @property
     def extent(self) -> tuple[Points, float]:
-        """Where it is, as `convexity.nothing_between` takes it."""
+        """Where it is, as `convexity.Planes.nothing_between` takes it."""
         return np.array([[*(-np.asarray(self.direction)), 0.0]]), math.sin(self.angle / 2)
 
     def moved(self, step: Points) -> "SunLight":
@@ -277,7 +277,7 @@ class AreaLight(_Lamp):
 
     @property
     def extent(self) -> tuple[Points, float]:
-        """Where it is, as `convexity.nothing_between` takes it."""
+        """Where it is, as `convexity.Planes.nothing_between` takes it."""
         corners = self._place(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))
         return np.column_stack([corners, np.ones(4)]), 0.0
 
