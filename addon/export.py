@@ -202,9 +202,13 @@ class Reading:
         """Read the materials of one object or copy; offsets: its first corner and vertex, if it gets colours."""
         mesh = slots.mesh
         coats, remarks = yield from self.painter.coats(slots, materials)
+        absorption = []
+        for material in (materials[coat.slot] for coat in coats):
+            absorbs, left_out = read_volume(find(material))
+            absorption.append(absorbs)
+            remarks += [(material, text) for text in left_out]
         for material, text in remarks:
             self.remark(f"material '{material[0]}' on object {_OBJECTS}: {text}", name)
-        absorption = [read_volume(find(materials[coat.slot]))[0] for coat in coats]
 
         def finish() -> None:
             painted = paint(slots, coats, self.eye is not None)

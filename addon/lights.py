@@ -12,7 +12,7 @@ import numpy as np
 
 from . import ray_flags
 from .node_readers import plain
-from .node_values import Unreadable, nowhere
+from .node_values import Unreadable, nowhere, output_of
 from .textures import MissingImage
 
 if TYPE_CHECKING:
@@ -65,8 +65,7 @@ def _of_nodes(lamp: bpy.types.Light) -> tuple[np.ndarray, list[str]]:
     one = np.ones(3)
     if not lamp.use_nodes or lamp.node_tree is None:
         return one, []
-    outputs = [node for node in lamp.node_tree.nodes if node.bl_idname == "ShaderNodeOutputLight"]
-    output = next((node for node in outputs if node.is_active_output), None)
+    output = output_of(lamp.node_tree)
     links = output.inputs["Surface"].links if output is not None else ()
     if not links:
         return 0 * one, []

@@ -14,10 +14,10 @@ import numpy as np
 from fmm_core import Brdf, Error, Gloss
 
 from .node_readers import plain
-from .node_values import Points, Unreadable, Values
+from .node_values import Points, Unreadable, Values, output_of
 from .tables import Tables
 from .textures import Image, MissingImage
-from .volumes import read_volume, volume_node, without_nodes
+from .volumes import volume_node, without_nodes
 
 if TYPE_CHECKING:
     import bpy
@@ -134,16 +134,14 @@ def _of_shader(material: bpy.types.Material, points: Points, images: dict[bpy.ty
         colour = np.array([material.diffuse_color[:3]], float)
         colour = _checked(colour, material, "Base Color")
         return Surface(colour, BLACK, ALL, colour, _gloss(diffuse=colour))
-    socket, left_out = _surface_socket(material.node_tree), read_volume(material)[1]
+    socket = _surface_socket(material.node_tree)
     if is_air(material):
-        return Surface(GREY, BLACK, NONE, GREY, _gloss(diffuse=GREY), tuple(left_out))
+        return Surface(GREY, BLACK, NONE, GREY, _gloss(diffuse=GREY))
     if socket is None or not socket.is_linked:
         return Surface(
             GREY, BLACK, ALL, GREY, _gloss(diffuse=GREY), ("has no shader at its Surface output, grey 0.8 is used",)
         )
     shaders = _Shaders(material, Values(points, images))
-    for text in left_out:
-        shaders.remark(text)
     closure = shaders.closure(socket)
     opacity = 1 - np.clip(closure.passes, 0, 1)
     glows = (closure.emission > 10 * TRACE * closure.emission.max()).any(axis=1)
@@ -362,6 +360,5 @@ def _checked(values: Array, material: bpy.types.Material, name: str) -> Array:
 
 def _surface_socket(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket | None:
     """The Surface socket of the active output."""
-    outputs = [node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial"]
-    output = next((node for node in outputs if node.is_active_output), outputs[0] if outputs else None)
+    output = output_of(tree)
     return None if output is None else output.inputs["Surface"]

@@ -158,6 +158,11 @@ class Values:
         return node_fields.evaluate(node, socket, given)
 
 
+def output_of(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
+    """The output that Cycles uses of the nodes of a material, a world or a lamp, or None."""
+    return tree.get_output_node("CYCLES")
+
+
 def nowhere() -> Values:
     """For trees that belong to no mesh: what a node asks of one is unreadable."""
     return Values(Points(_Nowhere(), np.zeros((1, 1), int), np.ones((1, 1))), {})

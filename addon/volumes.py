@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import fmm_core
 import numpy as np
 
-from .node_values import Unreadable, nowhere
+from .node_values import Unreadable, nowhere, output_of
 from .textures import MissingImage
 
 if TYPE_CHECKING:
@@ -41,9 +41,7 @@ def volume_of(name: str, triangles: np.ndarray, absorption: np.ndarray, closed: 
 
     Raises fmm_core.Error naming the object where there is no inside.
     """
-    # Far away from the origin it would be lost in rounding.
-    a, b, c = (triangles - triangles[:1, :1]).transpose(1, 0, 2)
-    size = (a * np.cross(b, c)).sum()
+    size = fmm_core.signed_volume(triangles)
     if not closed or size == 0:
         raise fmm_core.Error(f"object '{name}': its mesh is not closed, its volume is left out")
     return fmm_core.Volume(triangles if size > 0 else triangles[:, ::-1], absorption)
@@ -53,9 +51,9 @@ def volume_node(owner: bpy.types.World | bpy.types.Material | None) -> bpy.types
     """The shader at the Volume output of a world or a material, or None."""
     if owner is None or without_nodes(owner):
         return None
-    nodes = [node for node in owner.node_tree.nodes if node.bl_idname in _OUTPUTS and node.is_active_output]
+    output = output_of(owner.node_tree)
     try:
-        source = nowhere().source(nodes[0].inputs["Volume"]) if nodes else None
+        source = None if output is None else nowhere().source(output.inputs["Volume"])
     except Unreadable:
         return None
     return source.node if source is not None and source.is_output else None
@@ -87,7 +85,6 @@ def without_nodes(owner: bpy.types.World | bpy.types.Material) -> bool:
     return owner.node_tree is None or (bpy.app.version < (5, 0, 0) and not owner.use_nodes)
 
 
-_OUTPUTS = "ShaderNodeOutputWorld", "ShaderNodeOutputMaterial"
 #: Volumes that can be read.
 _ABSORPTION = {"ShaderNodeVolumeAbsorption": _of_absorption, "ShaderNodeVolumePrincipled": _of_principled}
 

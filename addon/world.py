@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import fmm_core
 import numpy as np
 
+from .node_values import output_of
 from .volumes import without_nodes
 
 if TYPE_CHECKING:
@@ -50,8 +51,7 @@ def _constant(world: bpy.types.World) -> np.ndarray | None:
     """Radiance (3,) where that is the same all around, and plain to see."""
     if without_nodes(world):
         return np.array(world.color[:], np.float64)
-    outputs = [node for node in world.node_tree.nodes if node.bl_idname == _OUTPUT]
-    output = next((node for node in outputs if node.is_active_output), None)
+    output = output_of(world.node_tree)
     links = output.inputs["Surface"].links if output is not None else ()
     if not links:
         return np.zeros(3)

@@ -7,6 +7,7 @@ import pytest
 import shapes
 from fmm_core import AreaLight, PointLight, Sky, SunLight, Volume
 from fmm_core.effects import plan
+from fmm_core.reference import Reference
 from test_visibility import ALBEDO, EMISSION, TWO_BLOCKS
 
 MEDIUM = np.array([0.0, 0.5, 2.0])
@@ -101,6 +102,20 @@ def test_measured_error_knows_the_medium(points):
     assert solution.report["error"]["measured_rms"] < 0.03
     clear = solve(TWO_BLOCKS, ALBEDO, EMISSION, "fmm", particles=4000, medium=0.0).irradiance(*points)
     assert np.abs(solution.irradiance(*points) - clear).max() > 0.3 * clear.mean()
+
+
+def test_light_that_a_judge_follows_further_loses_what_both_ways_take():
+    """What the surfaces lack is what they reflect, once as it is told, and once as rays go on to find it."""
+    room, albedo = shapes.subdivided_room(4), 0.6
+    scene = fmm_core.Scene(room, albedo, 1.0, medium=MEDIUM)
+    space = fmm_core.solve(scene, fmm_core.Settings(method="direct", particles=len(room), probes=0))._space
+    judge, particles = Reference(scene, space.sums), space.sums.particles
+    shining = np.ones((len(particles), 3))
+    reflected = albedo * judge.irradiance(particles.positions, particles.normals, shining, 0 * shining, 256, 0)[0]
+    at = np.full((1, 3), 0.5) * [1, 1, 0], np.array([[0, 0, 1.0]])
+    told = judge.irradiance(*at, shining, reflected, 20_000, 1)[1]
+    found = judge.irradiance(*at, shining, 0 * shining, 20_000, 2, direct=0 * shining)[1]
+    assert found == pytest.approx(told, rel=0.02)
 
 
 def test_the_plan_says_what_light_does_not_get_through():

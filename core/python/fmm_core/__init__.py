@@ -10,7 +10,7 @@ from .gloss import Gloss
 from .harmonics import irradiance_of, matched
 from .kept import KeptVisibility
 from .lights import AreaLight, Light, PointLight, SpotLight, SunLight
-from .medium import Volume
+from .medium import Volume, signed_volume
 from .opacity import Opacity
 from .scene import MAX_ALBEDO, Scene
 from .settings import EFFECTS, Settings
@@ -47,6 +47,7 @@ __all__ = [
     "matched",
     "output_points",
     "plan",
+    "signed_volume",
     "solve",
     "solve_at",
 ]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .medium import signed_volume
 from .particles import Particles
 from .visibility import Occlusion
 
@@ -86,5 +87,4 @@ def is_watertight(triangles: NDArray[np.float64]) -> bool:
     ends = np.roll(starts, -1, axis=1)
     count = corner.max() + 1
     there, back = np.sort((starts * count + ends).ravel()), np.sort((ends * count + starts).ravel())
-    a, b, c = triangles.transpose(1, 0, 2)
-    return np.array_equal(there, back) and (a * np.cross(b, c)).sum() < 0
+    return np.array_equal(there, back) and signed_volume(triangles) < 0

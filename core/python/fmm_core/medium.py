@@ -27,12 +27,10 @@ class Volume:
         corners = numbers("volume", self.triangles)
         if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not np.isfinite(corners).all():
             raise Error(f"volume: expected finite triangles of shape (T, 3, 3), got {corners.shape}")
-        # Far away from the origin it would be lost in rounding.
-        a, b, c = (corners - corners[:1, :1]).transpose(1, 0, 2)
-        size = float((a * np.cross(b, c)).sum())
-        if not size > 0:
-            raise Error(f"volume: its triangles hold {size / 6:g} m^3, expected a closed mesh seen from outside")
-        object.__setattr__(self, "triangles", np.ascontiguousarray(corners))
+        corners = np.ascontiguousarray(corners)
+        if not (size := signed_volume(corners)) > 0:
+            raise Error(f"volume: its triangles hold {size:g} m^3, expected a closed mesh seen from outside")
+        object.__setattr__(self, "triangles", corners)
         object.__setattr__(self, "absorption", absorption("volume", self.absorption))
 
     def moved(self, offset: NDArray[np.float64]) -> "Volume":
@@ -46,6 +44,11 @@ class Volume:
     def same(self, other: "Volume") -> bool:
         """Whether another one is the same."""
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in ("triangles", "absorption"))
+
+
+def signed_volume(triangles: NDArray[np.float64]) -> float:
+    """What is inside a closed mesh (T, 3, 3), m^3; below 0 where its triangles face inwards."""
+    return _binding.volume(np.ascontiguousarray(triangles, np.float64))
 
 
 def absorption(name: str, values: ArrayLike) -> NDArray[np.float64]:
@@ -76,7 +79,7 @@ def left(
     directions (..., 3); the points may lack axes that the directions have.
     """
     if medium.is_clear:
-        return np.ones(directions.shape)
+        return np.broadcast_to(1.0, directions.shape)
     flat = np.ascontiguousarray(directions, np.float64).reshape(-1, 3)
     starts = np.ascontiguousarray(np.broadcast_to(points, directions.shape)).reshape(-1, 3)
     far = np.ascontiguousarray(np.broadcast_to(distances, directions.shape[:-1])).reshape(-1)

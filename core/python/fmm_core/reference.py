@@ -61,11 +61,11 @@ class Reference:
         def block(rows: slice) -> int:
             rng = np.random.default_rng([seed, rows.start])
             of_rays = (np.repeat(values[rows], rays, axis=0) for values in (points, normals))
-            received, met, traced = self._received(*of_rays, *_evenly(normals[rows], rays, rng), both, rng)
+            received, met, passed, traced = self._received(*of_rays, *_evenly(normals[rows], rays, rng), both, rng)
             if direct is not None:
                 hit = np.flatnonzero(met.particles >= 0)
                 sent, more = self._sent(met, hit, both, direct, rng)
-                received[hit, 3:] = sent - radiosity[met.particles[hit]]
+                received[hit, 3:] = passed[hit] * (sent - radiosity[met.particles[hit]])
                 traced += more
             received = received.reshape(-1, rays, 6).mean(axis=1)
             found[:, rows] = received[:, :3], received[:, 3:]
@@ -79,7 +79,7 @@ class Reference:
     ) -> tuple[Points, int]:
         """One sample (K, 3) of what leaves the places met by the rays `hit` (K,), and the number of rays traced."""
         particles, places = self._particles, (met.positions[hit], met.normals[hit])
-        received, _, traced = self._received(*places, *_evenly(places[1], 1, rng), both, rng)
+        received, _, _, traced = self._received(*places, *_evenly(places[1], 1, rng), both, rng)
         chosen = met.particles[hit]
         # Of two triangles at one place the one that the particle is on.
         whole = particles.whole[chosen // particles.per_patch]
@@ -98,7 +98,7 @@ class Reference:
             rng = np.random.default_rng([seed, rows.start])
             triangles, points, normals = self._places.random(rows, samples, rng)
             directions, at = _evenly(normals[::samples], samples, rng)
-            received, _, traced = self._received(points, normals, directions, at, radiosity, rng)
+            received, _, _, traced = self._received(points, normals, directions, at, radiosity, rng)
             sent = scene.emission[triangles] + scene.albedo[triangles] * received
             of_patches[rows] = sent.reshape(-1, samples, 3).mean(axis=1)
             return traced
@@ -117,8 +117,9 @@ class Reference:
         at: Points,
         radiosity: Points,
         rng: np.random.Generator,
-    ) -> tuple[Points, Met, int]:
-        """One sample (K, 3 k) of what each point receives, what its ray meets, and the number of rays traced.
+    ) -> tuple[Points, Met, Points, int]:
+        """One sample (K, 3 k) of what each point receives, what its ray meets, what is left (K, 3) of the light from
+        there, and the number of rays traced.
 
         directions (K, 3) even by cosine; at (K,) even in [0, 1), chooses among the emitters; radiosity (N, 3 k), of
         which the first three columns have the emission of the scene, and others none.
@@ -127,9 +128,9 @@ class Reference:
         met = self._occlusion.met(points, normals, directions, self._surface)
         received = np.where(met.particles[:, None] >= 0, radiosity[met.particles], 0.0)
         passed = left(self._medium, points, directions, np.linalg.norm(met.positions - points, axis=1))
-        received *= np.tile(passed, radiosity.shape[1] // 3)
+        received.reshape(len(points), -1, 3)[:] *= passed[:, None]
         if len(self._emitters) == 0:
-            return received, met, len(points)
+            return received, met, passed, len(points)
         lit = np.flatnonzero(self._emitters.density[met.particles] > 0)
         share = self._share(points[lit], normals[lit], met.positions[lit], met.normals[lit], met.particles[lit])
         received[lit, :3] -= (1 - share)[:, None] * passed[lit] * scene.emission[particles.triangle[met.particles[lit]]]
@@ -145,9 +146,9 @@ class Reference:
             share[seen] *= scene.opacity.mean[triangles]
         between = ends[seen] - points[seen]
         distances = np.linalg.norm(between, axis=1)
-        passed = left(self._medium, points[seen], between / distances[:, None], distances)
-        received[seen, :3] += share[seen, None] * passed * scene.emission[triangles]
-        return received, met, len(points) + len(asked)
+        arrived = left(self._medium, points[seen], between / distances[:, None], distances)
+        received[seen, :3] += share[seen, None] * arrived * scene.emission[triangles]
+        return received, met, passed, len(points) + len(asked)
 
     def _share(
         self, points: Points, normals: Points, ends: Points, end_normals: Points, particles: NDArray[np.int64]

@@ -115,13 +115,16 @@ def test_what_is_not_simulated_is_named(build, read):
     build.quad("Catcher", z=-1).is_shadow_catcher = True
     build.quad("Hole", z=-2).is_holdout = True
     obj = lamp()
-    obj.light_linking.receiver_collection = bpy.data.collections.new("Only these")
-    obj.light_linking.blocker_collection = bpy.data.collections.new("Trees")
+    for shines in obj, build.quad("Panel", build.light(), z=1):
+        shines.light_linking.receiver_collection = bpy.data.collections.new("Only these")
+        shines.light_linking.blocker_collection = bpy.data.collections.new("Trees")
     obj.data.cycles.max_bounces = 1
     arrays = read()
     assert arrays.warnings == (
         "object 'Catcher' is a shadow catcher, which is not simulated: it gets colours as others do",
         "object 'Hole' is a holdout, which is not simulated: it gets colours as others do",
+        "object 'Panel' is linked to light collection 'Only these.001', which is not simulated: it lights everything",
+        "object 'Panel' is linked to be shaded by collection 'Trees.001', which is not simulated: everything shades it",
         "light 'Lamp' has a limit of 1 bounces, which is not simulated",
         "light 'Lamp' is linked to light collection 'Only these', which is not simulated: it lights everything",
         "light 'Lamp' is linked to be shaded by collection 'Trees', which is not simulated: everything shades it",

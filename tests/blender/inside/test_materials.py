@@ -82,6 +82,21 @@ def test_shaders_are_mixed_and_added(build, lamp, read):
     assert not arrays.warnings
 
 
+def test_the_output_is_that_of_cycles(build, lamp, read):
+    material = build.material("Two")
+    tree = material.node_tree
+    own = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+    glow = tree.nodes.new("ShaderNodeEmission")
+    other = tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(glow.outputs[0], other.inputs["Surface"])
+    build.quad("Wall", material)
+    for target, shines in (("EEVEE", False), ("CYCLES", True)):
+        other.target = target
+        assert (read().emission[2:] > 0).any() == shines
+    own.is_active_output = True
+    assert (read().emission[2:] > 0).any()
+
+
 def test_what_is_transparent_keeps_the_colour_of_the_rest(build, lamp, read):
     red, clear = ("ShaderNodeBsdfDiffuse", {"Color": (0.8, 0, 0, 1)}), (CLEAR, {})
     veil = build.material("Veil")
