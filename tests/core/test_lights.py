@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Lamps and sky: closed forms, energy, shadows, relighting without rays, and bad input."""
 
+from dataclasses import replace
+
 import fmm_core
 import numpy as np
 import pytest
@@ -116,9 +118,9 @@ def test_a_block_shades_what_lies_under_it_and_nothing_else(lamp, method):
     open_floor, shaded = (lit(triangles, settings=settings, lights=[lamp]) for triangles in (FLOOR, BLOCK))
     expected = np.where(np.arange(4) == 0, 0.0, open_floor)
     assert shaded == pytest.approx(expected, rel=1e-6, abs=1e-9)
-    through = fmm_core.solve(
-        fmm_core.Scene(BLOCK, 0.0, lights=[fmm_core.lights.replace(lamp, shadows=False)]), settings
-    ).irradiance(AT, np.tile(UP, (4, 1)))
+    through = fmm_core.solve(fmm_core.Scene(BLOCK, 0.0, lights=[replace(lamp, shadows=False)]), settings).irradiance(
+        AT, np.tile(UP, (4, 1))
+    )
     assert through[:, 0] == pytest.approx(open_floor, rel=1e-6)
 
 
@@ -248,7 +250,7 @@ def test_other_power_and_colour_need_no_ray(method):
     points = shapes.random_points(BLOCK, 4)
     before = solve(BLOCK, 0.5, settings, lights=LAMPS, sky=Sky(sun))
     before.irradiance(*points)
-    lamps = [fmm_core.lights.replace(lamp, **{lamp.power: (0.5, 2.0, 1.0 + k)}) for k, lamp in enumerate(LAMPS)]
+    lamps = [replace(lamp, **{lamp.power: (0.5, 2.0, 1.0 + k)}) for k, lamp in enumerate(LAMPS)]
     other = Sky(sun * [2.0, 1.0, 0.3])
     after = before.relight(albedo=0.3, lights=lamps, sky=other)
     found = after.irradiance(*points)

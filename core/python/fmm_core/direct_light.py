@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from . import _binding, patterns
 from .convexity import Planes
-from .lights import Light, Samples, SunLight
+from .lamp import Samples
+from .lights import Light, SunLight
 from .medium import left
 from .particles import Particles
 from .progress import Tick, silent

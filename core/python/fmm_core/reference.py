@@ -128,7 +128,7 @@ class Reference:
         met = self._occlusion.met(points, normals, directions, self._surface)
         received = np.where(met.particles[:, None] >= 0, radiosity[met.particles], 0.0)
         passed = left(self._medium, points, directions, np.linalg.norm(met.positions - points, axis=1))
-        received.reshape(len(points), -1, 3)[:] *= passed[:, None]
+        received *= np.tile(passed, radiosity.shape[1] // 3)
         if len(self._emitters) == 0:
             return received, met, passed, len(points)
         lit = np.flatnonzero(self._emitters.density[met.particles] > 0)
