@@ -8,7 +8,6 @@ Objects that the viewport hides are not evaluated by Blender: they are left out 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -24,6 +23,7 @@ from .sampling import Painted, Painter, Slots, paint
 from .scene_arrays import Dark, Receiver, SceneArrays
 from .shapes import Shape, two_sided
 from .tables import Tables
+from .view_layers import renderable, unhidden
 from .volumes import read_volume, volume_of
 from .world import read_world
 
@@ -46,37 +46,10 @@ def read(context: bpy.types.Context, scope: str, view: bool = False) -> Reading:
     as it.
     """
     if scope == "SCENE":
-        with _unhidden(context.view_layer):
+        with unhidden(context.view_layer):
             return read_meshes(context.evaluated_depsgraph_get(), view=view)
     chosen = {obj.name for obj in context.view_layer.objects if obj.select_get()} if scope == "SELECTED" else None
     return read_meshes(context.evaluated_depsgraph_get(), chosen, view)
-
-
-@contextmanager
-def _unhidden(layer: bpy.types.ViewLayer) -> Iterator[None]:
-    """Show in the viewport everything of a view layer, and hide it again."""
-    hidden = [obj for obj in layer.objects if obj.hide_get()]
-    switches = [obj for obj in layer.objects if obj.hide_viewport]
-    collections = list(_collections(layer.layer_collection))
-    switches += [item for item in collections if item.hide_viewport]
-    switches += {item.collection for item in collections if item.collection.hide_viewport}
-    try:
-        for item in switches:
-            item.hide_viewport = False
-        for obj in hidden:
-            obj.hide_set(False, view_layer=layer)
-        layer.update()
-        yield
-    finally:
-        for obj in hidden:
-            obj.hide_set(True, view_layer=layer)
-        for item in switches:
-            item.hide_viewport = True
-        layer.update()
-
-
-def _collections(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerCollection]:
-    yield from (item for child in layer.children for item in (child, *_collections(child)))
 
 
 def count_vertices(layer: bpy.types.ViewLayer) -> int:
@@ -137,7 +110,7 @@ class Reading:
 
     def __post_init__(self) -> None:
         self.painter = Painter(_size(self.depsgraph) / DETAIL, {}, {}, Tables(), self.eye is not None)
-        self.renderable = set(_renderable(self.depsgraph.view_layer_eval.layer_collection))
+        self.renderable = set(renderable(self.depsgraph.view_layer_eval.layer_collection))
         # Where a collection is hidden, Blender evaluates its objects all the same.
         visible = {obj.name for obj in self.depsgraph.view_layer.objects if obj.visible_get()}
         self.taken = self.renderable & visible
@@ -408,15 +381,6 @@ def _materials(obj: bpy.types.Object) -> list[bpy.types.Material | None]:
         if index < len(found) and slot.link == "OBJECT":
             found[index] = slot.material
     return found or [None]
-
-
-def _renderable(layer: bpy.types.LayerCollection) -> Iterator[str]:
-    """Names of the objects in collections that are neither excluded nor switched off for renders."""
-    if layer.exclude or layer.collection.hide_render:
-        return
-    yield from (obj.name for obj in layer.collection.objects)
-    for child in layer.children:
-        yield from _renderable(child)
 
 
 def _list(names: list[str]) -> str:
