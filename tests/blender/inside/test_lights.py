@@ -123,11 +123,11 @@ def test_what_is_not_simulated_is_named(build, read):
     assert arrays.warnings == (
         "object 'Catcher' is a shadow catcher, which is not simulated: it gets colours as others do",
         "object 'Hole' is a holdout, which is not simulated: it gets colours as others do",
-        "object 'Panel' is linked to light collection 'Only these.001', which is not simulated: it lights everything",
-        "object 'Panel' is linked to be shaded by collection 'Trees.001', which is not simulated: everything shades it",
         "light 'Lamp' has a limit of 1 bounces, which is not simulated",
         "light 'Lamp' is linked to light collection 'Only these', which is not simulated: it lights everything",
         "light 'Lamp' is linked to be shaded by collection 'Trees', which is not simulated: everything shades it",
+        "object 'Panel' is linked to light collection 'Only these.001', which is not simulated: it lights everything",
+        "object 'Panel' is linked to be shaded by collection 'Trees.001', which is not simulated: everything shades it",
     )
 
 
