@@ -134,7 +134,7 @@ def brute_force(cloud: Cloud, rows: NDArray[np.int64] | slice = slice(None)) -> 
 
 def direct(cloud: Cloud, rows: NDArray[np.int64] | slice = slice(None)) -> Array:
     """The direct sum over all particles at those in `rows`."""
-    sources = _binding.Sources(cloud.positions, cloud.normals, cloud.softening, np.ones(len(cloud)), 1)
+    sources = _binding.Sources(cloud.positions, cloud.normals, cloud.softening, np.ones(len(cloud)), np.ones(1))
     points, normals = np.ascontiguousarray(cloud.positions[rows]), np.ascontiguousarray(cloud.normals[rows])
     return sources.irradiance(points, normals, cloud.strengths)
 

@@ -106,6 +106,6 @@ def test_no_points_have_three_colours():
 @pytest.mark.parametrize("columns", [0, 2, 4])
 def test_other_numbers_of_channels_are_refused(columns):
     points, normals = np.zeros((5, 3)), np.tile([0.0, 0.0, 1.0], (5, 1))
-    sources = _binding.Sources(points, normals, np.ones(5), np.ones(5), 1)
+    sources = _binding.Sources(points, normals, np.ones(5), np.ones(5), np.ones(1))
     with pytest.raises(ValueError, match=r"^strengths: expected shape \(N, 1\) or \(N, 3\)$"):
         sources.irradiance(points, normals, np.ones((5, columns)))

@@ -150,7 +150,9 @@ def test_any_cloud_of_particles_gives_finite_light_close_to_the_direct_sum(
     fmm = _binding.Fmm((points, normals), softening, None, truncation, grouping, None, 1, "whole")
     found, _ = fmm.apply(strengths)
     assert np.isfinite(found).all()
-    exact = _binding.Sources(points, normals, softening, np.ones(count), 1).irradiance(points, normals, strengths)
+    exact = _binding.Sources(points, normals, softening, np.ones(count), np.ones(1)).irradiance(
+        points, normals, strengths
+    )
     if count > 100 and spread == 1.0 and truncation >= 4:
         assert np.linalg.norm(found - exact) < 0.05 * np.linalg.norm(exact)
 

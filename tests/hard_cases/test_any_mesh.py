@@ -101,7 +101,7 @@ def test_form_factors_are_reciprocal(scene):
     particles = fmm_core.solve(scene, settings).particles
     # One distance for all below which the kernel stops growing, which else belongs to the source.
     softening = np.full(len(particles), particles.softening.max())
-    sources = _binding.Sources(particles.positions, particles.normals, softening, particles.areas, particles.per_patch)
+    sources = _binding.Sources(particles.positions, particles.normals, softening, particles.areas, particles.shares)
     weights = particles.weights[:, None]
     some = np.random.default_rng(0).random(weights.shape) < 0.5
 

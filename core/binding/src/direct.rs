@@ -4,6 +4,7 @@
 use crate::arrays::{Channels, channels, flat, table, triangles, triples, value_error, vector};
 use crate::medium::Medium;
 use fmm::near_field::{Patches, PointSources, Seen};
+use fmm::portions::Portions;
 use fmm::rays::{FacingRays, Frame, Oriented};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1};
 use pyo3::prelude::*;
@@ -19,20 +20,20 @@ pub struct Sources {
     normals: Vec<[f64; 3]>,
     softening: Vec<f64>,
     areas: Vec<f64>,
-    points_per_patch: usize,
+    shares: Vec<f64>,
     medium: fmm::medium::Medium,
 }
 
 #[pymethods]
 impl Sources {
     #[new]
-    #[pyo3(signature = (positions, normals, softening, areas, points_per_patch, medium=None))]
+    #[pyo3(signature = (positions, normals, softening, areas, shares, medium=None))]
     fn new(
         positions: Points,
         normals: Points,
         softening: PyReadonlyArray1<f64>,
         areas: PyReadonlyArray1<f64>,
-        points_per_patch: usize,
+        shares: PyReadonlyArray1<f64>,
         medium: Option<&Medium>,
     ) -> PyResult<Self> {
         let medium = medium.map_or_else(fmm::medium::Medium::default, |medium| medium.medium.clone());
@@ -46,7 +47,7 @@ impl Sources {
             normals: normals.to_vec(),
             softening: softening.to_vec(),
             areas: flat(&areas)?.to_vec(),
-            points_per_patch,
+            shares: flat(&shares)?.to_vec(),
             medium,
         })
     }
@@ -116,9 +117,11 @@ impl NearField {
         normals: Points,
         patches: PyReadonlyArray3<f64>,
         reach: PyReadonlyArray1<f64>,
+        rule: Points,
     ) -> PyResult<Self> {
         let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
-        let patches = Patches { triangles: triangles(&patches)?, reach: flat(&reach)? };
+        let portions = Portions::new(triples(&rule, "rule")?);
+        let patches = Patches { triangles: triangles(&patches)?, reach: flat(&reach)?, portions: &portions };
         let near = py.detach(|| fmm::near_field::NearField::new(points, normals, &patches)).map_err(value_error)?;
         Ok(NearField { near })
     }
@@ -137,7 +140,12 @@ impl NearField {
         vector(py, self.near.patches.clone())
     }
 
-    /// (K, 3) where a ray from the receiver should end.
+    /// (K * points_per_patch) exact form factor to what each point stands for, without occlusion.
+    fn form_factors<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        vector(py, self.near.form_factors.clone())
+    }
+
+    /// (K * points_per_patch, 3) where rays from the receiver should end.
     fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         table(py, self.near.targets.clone())
     }
@@ -175,7 +183,7 @@ impl Correction {
             positions: &sources.positions,
             normals: &sources.normals,
             softening: &sources.softening,
-            points_per_patch: sources.points_per_patch,
+            shares: &sources.shares,
             areas: &sources.areas,
             medium: &sources.medium,
         };

@@ -12,6 +12,7 @@ use ::fmm::gather::Met;
 use ::fmm::lists::ListsOptions;
 use ::fmm::near_field::Patches;
 use ::fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
+use ::fmm::portions::Portions;
 use ::fmm::rays::Frame;
 use ::fmm::visibility::{Rays, VisibilityOptions};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
@@ -25,7 +26,7 @@ type Points<'py> = PyReadonlyArray2<'py, f64>;
 type RayArrays<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
 /// Points (R,), origins and directions (R, 3).
 type HemisphereArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
-type SeenArrays<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<f64>>);
+type SeenArrays<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
 type ContactArrays<'py> =
     (Bound<'py, PyArray1<i8>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<bool>>);
 /// Irradiance, and the seconds of each pass.
@@ -153,11 +154,12 @@ impl Fmm {
         normals: Points,
         patches: PyReadonlyArray3<f64>,
         reach: PyReadonlyArray1<f64>,
-        points_per_patch: usize,
+        rule: Points,
     ) -> PyResult<NearField> {
         let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
-        let patches = Patches { triangles: triangles(&patches)?, reach: flat(&reach)? };
-        let near = py.detach(|| self.driver.near_field(points, normals, &patches, points_per_patch));
+        let portions = Portions::new(triples(&rule, "rule")?);
+        let patches = Patches { triangles: triangles(&patches)?, reach: flat(&reach)?, portions: &portions };
+        let near = py.detach(|| self.driver.near_field(points, normals, &patches));
         Ok(NearField { near: near.map_err(value_error)? })
     }
 
@@ -245,11 +247,11 @@ impl Fmm {
         py.detach(|| self.driver.generate());
     }
 
-    /// For each source of each near entry whether the sum has it, and for each entry whether it needs no ray and which
-    /// share of it is not gathered.
+    /// For each source of each near entry whether the sum has it, and whether no ray is needed to tell that what it stands
+    /// for is seen.
     fn near_seen<'py>(&self, py: Python<'py>, near: &NearField, points_per_patch: usize) -> SeenArrays<'py> {
         let seen = py.detach(|| self.driver.near_seen(&near.near, points_per_patch));
-        (vector(py, seen.counted), vector(py, seen.whole), vector(py, seen.share))
+        (vector(py, seen.counted), vector(py, seen.known))
     }
 
     /// Boxes, leaves, coefficients, and how much each pass has to do.

@@ -52,15 +52,9 @@ impl Fmm {
         };
         let rows: Vec<Vec<Option<bool>>> = (0..self.targets.n_points()).into_par_iter().map(row).collect();
         let seen = rows.concat();
-        let told = |patch: &[Option<bool>]| patch.iter().all(Option::is_some);
-        let share = |patch: &[Option<bool>]| match told(patch) {
-            true => patch.iter().filter(|&&seen| seen == Some(true)).count() as f64 / patch.len() as f64,
-            false => 1.0,
-        };
         NearSeen {
             counted: seen.iter().map(|seen| seen.unwrap_or(false)).collect(),
-            whole: seen.chunks(points_per_patch).map(told).collect(),
-            share: seen.chunks(points_per_patch).map(share).collect(),
+            known: seen.iter().map(Option::is_some).collect(),
         }
     }
 }

@@ -41,10 +41,9 @@ pub struct Rounds {
 pub struct NearSeen {
     /// (K * points_per_patch) whether the sum has the pair.
     pub counted: Vec<bool>,
-    /// (K) whether the whole patch is known to be seen, so that no ray is needed.
-    pub whole: Vec<bool>,
-    /// (K) share of the patch that rays over the hemisphere do not find.
-    pub share: Vec<f64>,
+    /// (K * points_per_patch) whether no ray is needed to tell whether what it stands for is seen: it is if it is counted,
+    /// and else rays over the hemisphere find it.
+    pub known: Vec<bool>,
 }
 
 impl Fmm {
@@ -93,13 +92,8 @@ impl Fmm {
     }
 
     /// The patches near the targets (M, 3), scene order, as far as the sum counts some of their points one by one.
-    pub fn near_field(
-        &self,
-        points: &[[f64; 3]],
-        normals: &[[f64; 3]],
-        patches: &Patches,
-        points_per_patch: usize,
-    ) -> Result<NearField, Error> {
+    pub fn near_field(&self, points: &[[f64; 3]], normals: &[[f64; 3]], patches: &Patches) -> Result<NearField, Error> {
+        let points_per_patch = patches.portions.len();
         same_length("targets", self.targets.n_points(), points.len())?;
         same_length("sources", self.sources.n_points(), patches.triangles.len() * points_per_patch)?;
         let mut counted = vec![false; patches.triangles.len()];
@@ -183,14 +177,9 @@ impl Fmm {
             })
             .collect();
         let rows = rows.concat();
-        let patches = || rows.chunks(points_per_patch);
-        let share = |patch: &[Counted]| {
-            patch.iter().filter(|&&point| point != Counted::Gathered).count() as f64 / patch.len() as f64
-        };
         NearSeen {
             counted: rows.iter().map(|&point| matches!(point, Counted::Whole | Counted::Seen)).collect(),
-            whole: patches().map(|patch| patch.iter().all(|&point| point == Counted::Whole)).collect(),
-            share: patches().map(share).collect(),
+            known: rows.iter().map(|&point| matches!(point, Counted::Whole | Counted::Gathered)).collect(),
         }
     }
 

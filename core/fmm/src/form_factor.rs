@@ -1,36 +1,47 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Exact form factors from a point to a triangle.
 
+use crate::portions::MOST_CORNERS;
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// The part of a triangle in front of a receiver's horizon: at most four corners.
+/// The part of a convex polygon in front of a receiver's horizon.
 #[derive(Debug, Clone, Copy)]
 pub struct Clipped {
-    corners: [DVec3; 4],
+    corners: [DVec3; MOST_CORNERS],
     count: usize,
 }
 
 impl Clipped {
-    /// Clips `triangle` by the plane through `x` with normal `n_x`; corners are kept relative to `x`.
-    pub fn new(x: DVec3, n_x: DVec3, triangle: &[DVec3; 3]) -> Self {
-        let relative = triangle.map(|v| v - x);
-        let height = relative.map(|v| n_x.dot(v));
-        let mut clipped = Clipped { corners: [DVec3::ZERO; 4], count: 0 };
-        for i in 0..3 {
-            let j = (i + 1) % 3;
-            if height[i] >= 0.0 {
-                clipped.push(relative[i]);
+    /// Clips a polygon by the plane through `x` with normal `n_x`; corners are kept relative to `x`.
+    pub fn new(x: DVec3, n_x: DVec3, polygon: impl Iterator<Item = DVec3>) -> Self {
+        let mut clipped = Clipped { corners: [DVec3::ZERO; MOST_CORNERS], count: 0 };
+        let (mut first, mut last) = (None, None);
+        for corner in polygon.map(|v| v - x) {
+            let here = (corner, n_x.dot(corner));
+            if let Some(last) = last.replace(here) {
+                clipped.push_crossing(last, here);
             }
-            if (height[i] > 0.0 && height[j] < 0.0) || (height[i] < 0.0 && height[j] > 0.0) {
-                clipped.push(relative[i].lerp(relative[j], height[i] / (height[i] - height[j])));
+            first.get_or_insert(here);
+            if here.1 >= 0.0 {
+                clipped.push(corner);
             }
+        }
+        if let (Some(last), Some(first)) = (last, first) {
+            clipped.push_crossing(last, first);
         }
         clipped
     }
 
+    /// Where an edge goes through the horizon, from corners and their heights.
+    fn push_crossing(&mut self, (a, above): (DVec3, f64), (b, below): (DVec3, f64)) {
+        if above * below < 0.0 {
+            self.push(a.lerp(b, above / (above - below)));
+        }
+    }
+
     fn push(&mut self, corner: DVec3) {
-        if self.count < 4 {
+        if self.count < MOST_CORNERS {
             self.corners[self.count] = corner;
             self.count += 1;
         }
@@ -72,7 +83,7 @@ pub fn point_to_triangle(x: [f64; 3], n_x: [f64; 3], triangle: &[[f64; 3]; 3]) -
     if !faces(x, &triangle) {
         return 0.0;
     }
-    Clipped::new(x, n_x, &triangle).form_factor(n_x)
+    Clipped::new(x, n_x, triangle.into_iter()).form_factor(n_x)
 }
 
 /// Whether `x` is strictly in front of the triangle, whose front is the side from which it is counter-clockwise.

@@ -35,6 +35,7 @@ mod octree_normals;
 mod octree_points;
 mod passes;
 pub mod planes;
+pub mod portions;
 pub mod rays;
 pub mod shaft;
 pub mod surface;

@@ -5,6 +5,7 @@ use crate::error::{Error, same_length};
 use crate::form_factor::{Clipped, faces};
 use crate::kernel;
 use crate::medium::{Medium, kept};
+use crate::portions::Portions;
 use glam::DVec3;
 use rayon::prelude::*;
 use rstar::RTree;
@@ -17,11 +18,15 @@ pub struct NearField {
     pub starts: Vec<usize>,
     /// (K) patch of each entry.
     pub patches: Vec<u32>,
-    /// (K) exact form factor from the receiver to the patch, without occlusion.
+    /// (K * points_per_patch) exact form factor from the receiver to what each point of the patch stands for, without
+    /// occlusion.
     pub form_factors: Vec<f64>,
-    /// (K, 3) a point of the patch in front of the receiver's horizon, where a ray tells whether it is seen.
+    /// (K * points_per_patch, 3) a place there in front of the receiver's horizon, where a ray tells whether it is seen.
     pub targets: Vec<[f64; 3]>,
 }
+
+/// A patch near a receiver, with the form factor to each of its portions and a place in it.
+type Entry = (u32, Vec<(f64, [f64; 3])>);
 
 /// The triangles that carry the sources, `points_per_patch` consecutive ones each.
 pub struct Patches<'a> {
@@ -29,6 +34,8 @@ pub struct Patches<'a> {
     pub triangles: &'a [[[f64; 3]; 3]],
     /// (P) how far from its centroid a patch is near.
     pub reach: &'a [f64],
+    /// What the points of a patch stand for.
+    pub portions: &'a Portions,
 }
 
 impl NearField {
@@ -50,7 +57,7 @@ impl NearField {
         let reaches = triangles.iter().zip(patches.reach).zip(0..).filter(|((_, reach), _)| **reach > 0.0);
         let reaches = reaches.map(|((t, &reach), q)| within(t, reach, q)).collect();
         let reaches = RTree::bulk_load(reaches);
-        let rows: Vec<Vec<(u32, f64, [f64; 3])>> = points
+        let rows: Vec<Vec<Entry>> = points
             .par_iter()
             .zip(normals)
             .enumerate()
@@ -62,20 +69,20 @@ impl NearField {
                 near.into_iter()
                     .filter(is_near)
                     .filter(|&q| wanted(i, q))
-                    .filter_map(|q| entry(x, n_x, q, &triangles[q as usize]))
+                    .filter_map(|q| entry(x, n_x, q, &triangles[q as usize], patches.portions))
                     .collect()
             })
             .collect();
         Ok(Self::from_rows(&rows))
     }
 
-    fn from_rows(rows: &[Vec<(u32, f64, [f64; 3])>]) -> Self {
+    fn from_rows(rows: &[Vec<Entry>]) -> Self {
         let mut near = NearField { starts: vec![0], ..Default::default() };
         for row in rows {
-            for &(patch, form_factor, target) in row {
-                near.patches.push(patch);
-                near.form_factors.push(form_factor);
-                near.targets.push(target);
+            for (patch, portions) in row {
+                near.patches.push(*patch);
+                near.form_factors.extend(portions.iter().map(|portion| portion.0));
+                near.targets.extend(portions.iter().map(|portion| portion.1));
             }
             near.starts.push(near.patches.len());
         }
@@ -93,13 +100,16 @@ fn centroid([a, b, c]: &[DVec3; 3]) -> DVec3 {
     (a + b + c) / 3.0
 }
 
-fn entry(x: DVec3, n_x: DVec3, q: u32, triangle: &[DVec3; 3]) -> Option<(u32, f64, [f64; 3])> {
+fn entry(x: DVec3, n_x: DVec3, q: u32, triangle: &[DVec3; 3], portions: &Portions) -> Option<Entry> {
     if !faces(x, triangle) {
         return None;
     }
-    let clipped = Clipped::new(x, n_x, triangle);
-    let form_factor = clipped.form_factor(n_x);
-    (form_factor > 0.0).then(|| (q, form_factor, (x + clipped.centre()).into()))
+    let portion = |corners| {
+        let clipped = Clipped::new(x, n_x, corners);
+        (clipped.form_factor(n_x), (x + clipped.centre()).into())
+    };
+    let found: Vec<(f64, [f64; 3])> = portions.of(triangle).map(portion).collect();
+    found.iter().any(|portion| portion.0 > 0.0).then_some((q, found))
 }
 
 /// What has to be added to the direct sum so that near patches count with their exact form factors: a sparse matrix
@@ -119,8 +129,8 @@ pub struct PointSources<'a> {
     pub positions: &'a [[f64; 3]],
     pub normals: &'a [[f64; 3]],
     pub softening: &'a [f64],
-    /// Consecutive sources on one patch.
-    pub points_per_patch: usize,
+    /// (points_per_patch) share of its patch's area that each of the consecutive sources on it stands for.
+    pub shares: &'a [f64],
     /// (P) area of each patch.
     pub areas: &'a [f64],
     pub medium: &'a Medium,
@@ -137,8 +147,8 @@ pub enum Seen<'a> {
 }
 
 impl Correction {
-    /// Exact minus point kernel for each near entry; `fractions` (K) is how much of each entry's patch is seen, and
-    /// `visible` the pairs that the sum has.
+    /// Exact minus point kernel for each near entry; `fractions` (K * points_per_patch) is how much is seen of what each
+    /// point of each entry's patch stands for, and `visible` the pairs that the sum has.
     pub fn new(
         near: &NearField,
         points: &[[f64; 3]],
@@ -147,9 +157,10 @@ impl Correction {
         fractions: &[f64],
         visible: Seen,
     ) -> Result<Self, Error> {
-        same_length("near fractions", near.patches.len(), fractions.len())?;
+        let (count, per_patch) = (sources.positions.len(), sources.shares.len());
+        same_length("near fractions", near.patches.len() * per_patch, fractions.len())?;
+        same_length("near form factors", near.patches.len() * per_patch, near.form_factors.len())?;
         same_length("near rows", near.starts.len(), points.len() + 1)?;
-        let (count, per_patch) = (sources.positions.len(), sources.points_per_patch);
         same_length("patch areas", count, sources.areas.len() * per_patch)?;
         match visible {
             Seen::All => {}
@@ -170,8 +181,9 @@ impl Correction {
                 let mut row = Vec::new();
                 for e in near.starts[i]..near.starts[i + 1] {
                     let q = near.patches[e] as usize;
-                    let exact = fractions[e] * near.form_factors[e] / sources.areas[q];
-                    for j in q * per_patch..(q + 1) * per_patch {
+                    for (k, share) in sources.shares.iter().enumerate() {
+                        let (j, portion) = (q * per_patch + k, e * per_patch + k);
+                        let exact = fractions[portion] * near.form_factors[portion] / (share * sources.areas[q]);
                         let (y, n_y) = (sources.positions[j], sources.normals[j]);
                         let softening = sources.softening[j];
                         let point = if seen(i, j, e) { kernel(points[i], normals[i], y, n_y, softening) } else { 0.0 };

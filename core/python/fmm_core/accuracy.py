@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from . import _binding
 from .multipole import MultipoleSpace
 from .progress import Tick, silent
-from .reference import Reference
+from .reference import PLACES, Reference
 from .scene import Scene
 from .settings import Settings
 from .transport import Operator, Space
@@ -77,7 +77,10 @@ def measure(
     """
     rng = np.random.default_rng(0)
     chosen = np.sort(rng.choice(len(found), size=min(settings.probes, len(found)), replace=False))
-    effort = _effort(len(chosen), *seconds) if settings.target_error is None else _target_effort(settings.target_error)
+    # What is found of few patches takes rays that go on.
+    few = len(solved.space.sums.particles.areas) < FEW_PATCHES
+    ways = len(chosen) * (1 + PLACES * few)
+    effort = _effort(ways, *seconds) if settings.target_error is None else _target_effort(settings.target_error)
     rays, samples = round(effort**0.5 * PROBE_RAYS), round(effort * PARTICLE_RAYS)
     gathered, further, traced = estimates(points[chosen], normals[chosen], solved, rays, samples, tick)
     whole = gathered + further
@@ -87,7 +90,6 @@ def measure(
     of_gather = np.prod(found[chosen] - gathered, axis=0).sum(axis=1) / scale
     of_radiosity = np.prod(errors, axis=0).sum(axis=1) / scale - of_gather
     # What the estimate of the radiosity's error is off by is much the same at all probes, but where their rays go on.
-    few = len(solved.space.sums.particles.areas) < FEW_PATCHES
     noise = 0.0 if few else COMMON * ((further[0] - further[1]) ** 2).sum(axis=1).mean() / scale
     picked = rng.integers(0, len(chosen), (RESAMPLES, len(chosen)))
     part = of_radiosity[picked].mean(axis=1) + rng.normal(0.0, noise, RESAMPLES)
@@ -153,9 +155,9 @@ def _target_effort(target: float) -> float:
     return float(np.clip(USUAL_TARGET / target, 1.0, MOST_EFFORT))
 
 
-def _effort(probes: int, baked: float, application: float) -> float:
-    """Share of all rays that measuring can afford."""
-    rays = 4 * (PROBE_RAYS * probes + PARTICLE_RAYS)
+def _effort(ways: int, baked: float, application: float) -> float:
+    """Share of all rays that measuring can afford, with so many ways from probes and from the places they come to."""
+    rays = 4 * (PROBE_RAYS * ways + PARTICLE_RAYS)
     left = SHARE * baked - 2 * STEPS * application
     return float(np.clip(left / (rays * RAY_SECONDS / (os.cpu_count() or 1)), LEAST_EFFORT, 1.0))
 

@@ -18,10 +18,9 @@ Points = NDArray[np.float64]
 
 #: Points in a leaf for so many particles: with shadows leaves cost more than pairs of points.
 LEAF_POINTS, LEAF_PARTICLES = 64, 20_000
-#: An output point gets this many times the rays that a particle gets.
-EXCHANGE_SHARE = 4
-#: Particles from which on single ones matter even less.
-MANY = 20_000
+#: An output point gets this many times the rays that one of so many particles gets: single ones of more matter less,
+#: those of fewer more.
+EXCHANGE_SHARE, MANY = 4, 20_000
 #: For each ray of the settings a point has so many for emitters that shine all over its hemisphere, of which it mostly
 #: needs a quarter, and so many over its hemisphere, which it shares with its neighbours.
 AIMED, HEMISPHERE = 1.5, 1.5
@@ -146,8 +145,8 @@ class MultipoleSpace:
 
 
 def particle_rays(settings: Settings, count: int) -> float:
-    """Rays of each of so many particles: what single ones get wrong averages out in what they send."""
-    return max(LEAST_RAYS, min(1.0, MANY / count) ** 0.5 / EXCHANGE_SHARE * settings.rays)
+    """Rays of each of so many particles: what single ones of many get wrong averages out in what they send."""
+    return max(LEAST_RAYS, min(1.0, (MANY / count) ** 0.5 / EXCHANGE_SHARE) * settings.rays)
 
 
 def _effort(rays: float) -> tuple[float, float, float, float, int]:

@@ -42,7 +42,7 @@ class Particles:
     patches (P, 3, 3) corners; areas (P,); radii (P,) from centroid to farthest corner
     whole (P,) whether the patch is all that its points stand for: where a mesh is finer than the light needs, a
     patch is one triangle of a group of them, and areas and radii are those of the group
-    rule (per_patch, 3) barycentric coordinates of the points of a patch
+    rule (per_patch, 3) barycentric coordinates of the points of a patch, shares (per_patch,) of its area
     edges (K,), fractions (K,), parts (K, 2) the bisection of the scene's triangles, as the core's `Surface` takes it
     solid (T,) area of what is there of each triangle of the scene
     """
@@ -58,6 +58,7 @@ class Particles:
     radii: NDArray[np.float64]
     whole: NDArray[np.bool_]
     rule: NDArray[np.float64]
+    shares: NDArray[np.float64]
     edges: NDArray[np.int8]
     fractions: NDArray[np.float64]
     parts: NDArray[np.uint32]
@@ -152,6 +153,7 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
         radii=radii,
         whole=whole,
         rule=barycentric,
+        shares=shares,
         edges=cut.edges,
         fractions=cut.fractions,
         parts=_with_backs(cut, back),

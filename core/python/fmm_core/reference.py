@@ -18,6 +18,8 @@ Points = NDArray[np.float64]
 
 #: Rays that are traced together.
 RAYS_PER_BLOCK = 8192
+#: Places that a ray comes to, one after the other, where it is to find what leaves them.
+PLACES = 4
 
 
 class Reference:
@@ -53,7 +55,7 @@ class Reference:
         radiosity (N, 3) of the particles, and from what that lacks (N, 3). Another seed: an independent estimate.
 
         direct   (N, 3) irradiance of the particles from lamps and sky, or None. If it is given, each ray goes on to
-        find what leaves the very place that it meets, where the particle only knows the mean over its patch.
+        find what leaves the very places that it comes to, where particles only know the mean over their patches.
         """
         found = np.empty((2, len(points), 3))
         both = np.hstack([radiosity, missing])
@@ -63,10 +65,9 @@ class Reference:
             of_rays = (np.repeat(values[rows], rays, axis=0) for values in (points, normals))
             received, met, passed, traced = self._received(*of_rays, *_evenly(normals[rows], rays, rng), both, rng)
             if direct is not None:
-                hit = np.flatnonzero(met.particles >= 0)
-                sent, more = self._sent(met, hit, both, direct, rng)
-                received[hit, 3:] = passed[hit] * (sent - radiosity[met.particles[hit]])
-                traced += more
+                more, rays_on = self._further(met, passed, both, direct, rng)
+                received[:, 3:] += more
+                traced += rays_on
             received = received.reshape(-1, rays, 6).mean(axis=1)
             found[:, rows] = received[:, :3], received[:, 3:]
             return traced
@@ -74,18 +75,28 @@ class Reference:
         self._occlusion.run_blocks(block, len(points), RAYS_PER_BLOCK // rays)
         return found
 
-    def _sent(
-        self, met: Met, hit: NDArray[np.int64], both: Points, direct: Points, rng: np.random.Generator
+    def _further(
+        self, met: Met, passed: Points, both: Points, direct: Points, rng: np.random.Generator
     ) -> tuple[Points, int]:
-        """One sample (K, 3) of what leaves the places met by the rays `hit` (K,), and the number of rays traced."""
-        particles, places = self._particles, (met.positions[hit], met.normals[hit])
-        received, _, _, traced = self._received(*places, *_evenly(places[1], 1, rng), both, rng)
-        chosen = met.particles[hit]
-        # Of two triangles at one place the one that the particle is on.
-        whole = particles.whole[chosen // particles.per_patch]
-        owners = np.where(whole, particles.triangle[chosen], met.triangles[hit])
-        received = received[:, :3] + received[:, 3:] + direct[chosen]
-        return self._scene.emission[owners] + self._scene.albedo[owners] * received, traced
+        """By how much more arrives (K, 3) from the places that rays have met than both say of the particles there, and
+        the number of rays traced; of what leaves a place, passed (K, 3) arrives.
+        """
+        scene, particles = self._scene, self._particles
+        more, rows, traced = np.zeros_like(passed), np.arange(len(passed)), 0
+        for _ in range(PLACES):
+            hit = np.flatnonzero(met.particles >= 0)
+            rows, passed, chosen = rows[hit], passed[hit], met.particles[hit]
+            places = met.positions[hit], met.normals[hit]
+            # Of two triangles at one place the one that the particle is on.
+            whole = particles.whole[chosen // particles.per_patch]
+            owners = np.where(whole, particles.triangle[chosen], met.triangles[hit])
+            known = both[chosen, :3] + both[chosen, 3:]
+            received, met, there, rays = self._received(*places, *_evenly(places[1], 1, rng), both, rng)
+            irradiance = received[:, :3] + received[:, 3:] + direct[chosen]
+            more[rows] += passed * (scene.emission[owners] + scene.albedo[owners] * irradiance - known)
+            passed = passed * scene.albedo[owners] * there
+            traced += rays
+        return more, traced
 
     def residual(self, radiosity: Points, samples: int, seed: int) -> Points:
         """(N, 3) by how much emission + albedo * irradiance exceeds the radiosity (N, 3) on average over what each

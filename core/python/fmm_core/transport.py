@@ -132,7 +132,7 @@ class Sums:
             particles.normals,
             particles.softening,
             particles.areas,
-            particles.per_patch,
+            particles.shares,
             medium,
         )
 
@@ -203,23 +203,23 @@ class Sums:
 
         open_space: nothing can be in the way, so that no ray is needed.
         """
-        if fmm is None or open_space:
-            near = _binding.NearField(points, normals, self.particles.patches, self._reach)
-        else:
-            near = fmm.near_field(points, normals, self.particles.patches, self._reach, self.particles.per_patch)
-        fractions, counted = np.ones(len(near)), None
+        particles = self.particles
+        asked_for = points, normals, particles.patches, self._reach, particles.rule
+        near = _binding.NearField(*asked_for) if fmm is None or open_space else fmm.near_field(*asked_for)
+        counted, per_patch = None, particles.per_patch
+        fractions = np.ones(per_patch * len(near))
         if open_space and fmm is not None:
-            counted, _, _ = fmm.near_seen(near, self.particles.per_patch)
+            counted, _ = fmm.near_seen(near, per_patch)
         elif self.occlusion is not None and not open_space:
-            asked = np.ones(len(near), dtype=bool)
+            asked = near.form_factors() > 0
             if fmm is not None:
-                counted, whole, share = fmm.near_seen(near, self.particles.per_patch)
-                fractions[:] = share
-                asked = ~whole & (share > 0)
-            rows = np.repeat(np.arange(len(points)), np.diff(near.starts()).astype(np.int64))[asked]
-            patch_normals = self.particles.normals[near.patches()[asked] * self.particles.per_patch]
+                counted, known = fmm.near_seen(near, per_patch)
+                fractions[known] = counted[known]
+                asked &= ~known
+            rows = np.repeat(np.arange(len(points)), per_patch * np.diff(near.starts()).astype(np.int64))[asked]
+            patch_normals = np.repeat(particles.normals[near.patches() * per_patch], per_patch, axis=0)[asked]
             ends = points[rows], normals[rows], near.targets()[asked], patch_normals
-            fractions[asked] *= self.occlusion.visible_targets(*ends)
+            fractions[asked] = self.occlusion.visible_targets(*ends)
         return _binding.Correction(near, points, normals, self.sources, fractions, visible, counted)
 
     def direct_operator(
