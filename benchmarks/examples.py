@@ -31,6 +31,9 @@ def _read(name: str) -> tuple[fmm_core.Scene, tuple[Array, Array]]:
         bpy.utils.register_class(kind)
     properties.register()
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "examples" / f"{name}.blend"), load_ui=False, use_scripts=False)
-    arrays = read(bpy.context, "VISIBLE").arrays()
+    reading = read(bpy.context, "VISIBLE")
+    for _ in reading.painting():
+        pass
+    arrays = reading.arrays()
     output = points_of(arrays)
     return scene_of(arrays), (output.points, output.normals)

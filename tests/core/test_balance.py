@@ -5,7 +5,7 @@ import fmm_core
 import numpy as np
 import pytest
 import shapes
-from fmm_core.balance import find_shares, is_closed, is_watertight
+from fmm_core.balance import find_shares, is_closed, is_watertight, looks_closed
 from fmm_core.particles import make_particles
 from fmm_core.visibility import Occlusion
 
@@ -15,15 +15,22 @@ BLOCK = shapes.room((0.4, 0.3, 0.5))[:, ::-1] + [0.3, 0.4, 0.0]
 WINDOW = np.concatenate([ROOM[:-2], shapes.quad([0, 0, 1], [0, 1, 1], [1, 1, 1], [1, 0, 1])[:1]])
 
 
-def closed(triangles):
-    scene = fmm_core.Scene(triangles, 0.5, 1.0)
-    return is_closed(find_shares(Occlusion(scene), make_particles(scene, 600, 1)))
+def by_all(occlusion, particles):
+    return is_closed(find_shares(occlusion, particles))
 
 
-def test_a_room_is_closed_with_a_block_in_it_and_open_through_a_window():
+@pytest.mark.parametrize("tell", [by_all, looks_closed])
+def test_a_room_is_closed_with_a_block_in_it_and_open_through_a_window(tell):
+    def closed(triangles):
+        scene = fmm_core.Scene(triangles, 0.5, 1.0)
+        return tell(Occlusion(scene), make_particles(scene, 6000, 1))
+
     assert closed(ROOM)
     assert closed(np.concatenate([ROOM, BLOCK]))
     assert not closed(WINDOW)
+    # A slit of a two-hundredth of a wall.
+    slit = np.concatenate([ROOM[:-2], shapes.quad([0, 0, 1], [0, 1, 1], [0.995, 1, 1], [0.995, 0, 1])])
+    assert not closed(slit)
     assert not closed(np.concatenate([BLOCK, BLOCK + [1.0, 0, 0]]))
 
 

@@ -28,6 +28,8 @@ SEEN = 0.3
 LEAK = 1e-4
 #: Rays over the hemisphere of a particle, of one that emits, and about how many together.
 RAYS, EMITTER_RAYS, ALL_RAYS = 64, 512, 320_000
+#: Random particles, and rays of each, that are enough to tell whether light can leave a scene.
+FEW, FEW_RAYS = 4000, 16
 #: Corners closer than this share of the scene are one.
 SAME_CORNER = 1e-9
 
@@ -66,6 +68,12 @@ def sent_balance(rows: NDArray[np.float64], columns: NDArray[np.float64], shares
     if shares is not None:
         goal = np.clip(goal, shares.fronts[:, None], shares.met[:, None])
     return np.clip(goal / np.maximum(columns, np.finfo(float).tiny), 0.0, MORE)
+
+
+def looks_closed(occlusion: Occlusion, particles: Particles) -> bool:
+    """Whether light cannot leave the scene, by a few of its particles."""
+    rows = np.random.default_rng(0).permutation(len(particles))[:FEW]
+    return is_closed(Shares(*occlusion.shares_met(particles.positions[rows], particles.normals[rows], FEW_RAYS)))
 
 
 def is_closed(shares: Shares) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
-from .balance import Shares, is_watertight
+from .balance import Shares, is_watertight, looks_closed
 from .cost import choose_grouping
 from .progress import Tick, silent
 from .settings import Settings
@@ -70,8 +70,13 @@ class MultipoleSpace:
         operator = Operator(self.sums.particles, lambda q, clear: fmm.apply(q, clear)[0], correction, mirrored)
         if self.sums.keeps_energy:
             self._closed, shares = self._seen()
-            self._lit = operator.balanced(self._closed, shares, len(self.sums.particles) <= SINGLE)
+            self._lit = operator.balanced(self._closed, shares, self._single)
         return operator
+
+    @property
+    def _single(self) -> bool:
+        """Whether sources are balanced one by one."""
+        return len(self.sums.particles) <= SINGLE
 
     def _seen(self) -> tuple[bool, Shares | None]:
         """Whether light cannot leave the scene, and what the particles see, as far as rays are to tell."""
@@ -82,6 +87,8 @@ class MultipoleSpace:
             return occlusion.whole and is_watertight(occlusion.triangles), None
         if self.settings.visibility == "cells":
             return False, None
+        if not self._single:
+            return looks_closed(occlusion, self.sums.particles), None
         return self.sums.closed, self.sums.shares
 
     def gather(
