@@ -9,7 +9,7 @@ import pytest
 import shapes
 from fmm_core.particles import make_particles
 from fmm_core.quadrature import triangle_rule
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
@@ -28,6 +28,7 @@ def test_rule_integrates_monomials_up_to_its_degree_and_no_further(degree):
     assert (weights > 0).all()
 
 
+@settings(deadline=None)
 @given(
     corners=st.lists(st.floats(-10, 10), min_size=18, max_size=18),
     count=st.integers(1, 3000),

@@ -11,6 +11,12 @@ use rayon::prelude::*;
 use rstar::RTree;
 use rstar::primitives::{GeomWithData, Rectangle};
 
+/// A patch that faces a receiver and fills so much of its view is so close that which portion is seen is chance, which
+/// does not average out over the receivers of a portion: there all portions count by their areas.
+const FILLED: f64 = 0.1;
+/// Cosine of the angle between both normals from which on they face each other.
+const OPPOSED: f64 = -0.5;
+
 /// Patches near each receiver, as compressed rows: the entries of receiver i are `starts[i]..starts[i + 1]`.
 #[derive(Debug, Clone, Default)]
 pub struct NearField {
@@ -19,7 +25,7 @@ pub struct NearField {
     /// (K) patch of each entry.
     pub patches: Vec<u32>,
     /// (K * points_per_patch) exact form factor from the receiver to what each point of the patch stands for, without
-    /// occlusion.
+    /// occlusion; its share of that to the whole patch where that is close.
     pub form_factors: Vec<f64>,
     /// (K * points_per_patch, 3) a place there in front of the receiver's horizon, where a ray tells whether it is seen.
     pub targets: Vec<[f64; 3]>,
@@ -108,8 +114,13 @@ fn entry(x: DVec3, n_x: DVec3, q: u32, triangle: &[DVec3; 3], portions: &Portion
         let clipped = Clipped::new(x, n_x, corners);
         (clipped.form_factor(n_x), (x + clipped.centre()).into())
     };
-    let found: Vec<(f64, [f64; 3])> = portions.of(triangle).map(portion).collect();
-    found.iter().any(|portion| portion.0 > 0.0).then_some((q, found))
+    let mut found: Vec<(f64, [f64; 3])> = portions.of(triangle).map(portion).collect();
+    let whole: f64 = found.iter().map(|portion| portion.0).sum();
+    let [a, b, c] = *triangle;
+    if whole > FILLED && (b - a).cross(c - a).normalize_or_zero().dot(n_x) < OPPOSED {
+        found.iter_mut().zip(&portions.shares).for_each(|(portion, share)| portion.0 = share * whole);
+    }
+    (whole > 0.0).then_some((q, found))
 }
 
 /// What has to be added to the direct sum so that near patches count with their exact form factors: a sparse matrix
