@@ -5,7 +5,7 @@ import fmm_core
 import numpy as np
 import pytest
 import shapes
-from fmm_core import AreaLight, PointLight, Sky, SunLight, Volume
+from fmm_core import AreaLight, PointLight, Sky, SunLight, Volume, reference
 from fmm_core.effects import plan
 from fmm_core.reference import Reference
 from test_visibility import ALBEDO, EMISSION, TWO_BLOCKS
@@ -104,14 +104,19 @@ def test_measured_error_knows_the_medium(points):
     assert np.abs(solution.irradiance(*points) - clear).max() > 0.3 * clear.mean()
 
 
-def test_light_that_a_judge_follows_further_loses_what_both_ways_take():
+@pytest.mark.parametrize("places", [1, 3])
+def test_light_that_a_judge_follows_further_loses_what_all_ways_take(places, monkeypatch):
     """What the surfaces lack is what they reflect, once as it is told, and once as rays go on to find it."""
     room, albedo = shapes.subdivided_room(4), 0.6
     scene = fmm_core.Scene(room, albedo, 1.0, medium=MEDIUM)
     space = fmm_core.solve(scene, fmm_core.Settings(method="direct", particles=len(room), probes=0))._space
     judge, particles = Reference(scene, space.sums), space.sums.particles
+    monkeypatch.setattr(reference, "PLACES", places)
     shining = np.ones((len(particles), 3))
-    reflected = albedo * judge.irradiance(particles.positions, particles.normals, shining, 0 * shining, 256, 0)[0]
+    reflected, last = 0 * shining, shining
+    for _ in range(places):
+        last = albedo * judge.irradiance(particles.positions, particles.normals, last, 0 * shining, 256, 0)[0]
+        reflected += last
     at = np.full((1, 3), 0.5) * [1, 1, 0], np.array([[0, 0, 1.0]])
     told = judge.irradiance(*at, shining, reflected, 20_000, 1)[1]
     found = judge.irradiance(*at, shining, 0 * shining, 20_000, 2, direct=0 * shining)[1]
