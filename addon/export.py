@@ -286,7 +286,7 @@ class Reading:
             objects.append(obj)
 
     def close(self) -> None:
-        """Read what belongs to no object; Blender is not asked for anything after this."""
+        """Read what belongs to no object; after this Blender is asked for materials alone, by `painting`."""
         scene = self.depsgraph.scene
         self.scene = scene.name
         self.add_scene_remarks()

@@ -186,3 +186,23 @@ def test_rays_meet_the_same_triangles_however_these_are_given_to_the_tracer(monk
     pieces = visibility.Occlusion(scene)._met(points.astype(np.float32), directions.astype(np.float32))
     assert len(np.unique(whole[0])) > 10
     assert all((a == b).all() for a, b in zip(whole, pieces, strict=True))
+
+
+@pytest.mark.parametrize("quadrature", [2, 5])
+def test_close_patches_that_a_horizon_cuts_are_seen_as_far_as_they_are_in_front(quadrature):
+    floor, tilt = (
+        shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]),
+        0.3 * np.array([np.cos(0.35), 0, np.sin(0.35)]),
+    )
+    corner, across = np.array([0.5, 0.3, 0.03]), np.array([0, 0.4, 0])
+    plate = shapes.quad(corner, corner + across, corner + across + tilt, corner + tilt)
+    scene = fmm_core.Scene(np.concatenate([floor, plate]), 0.0, [1.0, 1.0, 0.0, 0.0])
+    points = shapes.random_points(plate, 500)
+
+    def received(occlusion):
+        effects = {"occlusion": occlusion}
+        options = fmm_core.Settings(method="direct", particles=60, quadrature=quadrature, effects=effects)
+        return fmm_core.solve(scene, options).irradiance(*points)
+
+    # Nothing is in the way.
+    assert received(True) == pytest.approx(received(False), rel=1e-9)

@@ -12,7 +12,7 @@ use rstar::RTree;
 use rstar::primitives::{GeomWithData, Rectangle};
 
 /// A patch that faces a receiver and fills so much of its view is so close that which portion is seen is chance, which
-/// does not average out over the receivers of a portion: there all portions count by their areas.
+/// does not average out over the receivers of a portion: there all that are in front count by their areas.
 const FILLED: f64 = 0.1;
 /// Cosine of the angle between both normals from which on they face each other.
 const OPPOSED: f64 = -0.5;
@@ -118,7 +118,11 @@ fn entry(x: DVec3, n_x: DVec3, q: u32, triangle: &[DVec3; 3], portions: &Portion
     let whole: f64 = found.iter().map(|portion| portion.0).sum();
     let [a, b, c] = *triangle;
     if whole > FILLED && (b - a).cross(c - a).normalize_or_zero().dot(n_x) < OPPOSED {
-        found.iter_mut().zip(&portions.shares).for_each(|(portion, share)| portion.0 = share * whole);
+        // Those behind the horizon have no place that a ray could ask about.
+        let in_front = found.iter().zip(&portions.shares).filter(|(portion, _)| portion.0 > 0.0);
+        let area: f64 = in_front.map(|(_, share)| share).sum();
+        let in_front = found.iter_mut().zip(&portions.shares).filter(|(portion, _)| portion.0 > 0.0);
+        in_front.for_each(|(portion, share)| portion.0 = share / area * whole);
     }
     (whole > 0.0).then_some((q, found))
 }
