@@ -23,7 +23,7 @@ def _read(name: str) -> tuple[fmm_core.Scene, tuple[Array, Array]]:
     import bpy
 
     from addon import properties
-    from addon.export import read
+    from addon.export import read_scene
     from addon.solving import points_of, scene_of
 
     # Materials are asked for what they have there.
@@ -31,9 +31,6 @@ def _read(name: str) -> tuple[fmm_core.Scene, tuple[Array, Array]]:
         bpy.utils.register_class(kind)
     properties.register()
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "examples" / f"{name}.blend"), load_ui=False, use_scripts=False)
-    reading = read(bpy.context, "VISIBLE")
-    for _ in reading.painting():
-        pass
-    arrays = reading.arrays()
+    arrays = read_scene(bpy.context.evaluated_depsgraph_get()).arrays()
     output = points_of(arrays)
     return scene_of(arrays), (output.points, output.normals)

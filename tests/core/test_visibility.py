@@ -190,11 +190,9 @@ def test_rays_meet_the_same_triangles_however_these_are_given_to_the_tracer(monk
 
 @pytest.mark.parametrize("quadrature", [2, 5])
 def test_close_patches_that_a_horizon_cuts_are_seen_as_far_as_they_are_in_front(quadrature):
-    floor, tilt = (
-        shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]),
-        0.3 * np.array([np.cos(0.35), 0, np.sin(0.35)]),
-    )
+    floor = shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0])
     corner, across = np.array([0.5, 0.3, 0.03]), np.array([0, 0.4, 0])
+    tilt = 0.3 * np.array([np.cos(0.35), 0, np.sin(0.35)])
     plate = shapes.quad(corner, corner + across, corner + across + tilt, corner + tilt)
     scene = fmm_core.Scene(np.concatenate([floor, plate]), 0.0, [1.0, 1.0, 0.0, 0.0])
     points = shapes.random_points(plate, 500)
