@@ -92,6 +92,26 @@ def test_light_does_not_leak_through_a_wall(gap):
     assert dark.max() < 1e-6 * lit.min()
 
 
+@pytest.mark.parametrize("cells", [1, 7])
+def test_rays_to_the_rim_of_a_wall_do_not_slip_into_the_room_behind(cells):
+    room = shapes.subdivided_room(cells)
+    triangles = np.concatenate([room - [1.0, 0.0, 0.0], room])
+    scene = fmm_core.Scene(triangles, 0.5, np.arange(len(triangles)) < len(room))
+    particles = fmm_core.particles.make_particles(scene, 4000, 2)
+    occlusion = visibility.Occlusion(scene)
+    points, normals = shapes.random_points(shapes.room(), 20_000)
+    rng = np.random.default_rng(0)
+    rim, along = np.tile([[0.0, 0.0], [0.0, 1.0]], (len(points) // 2, 1)), rng.uniform(size=len(points))
+    rim[:, 0] = along
+    rim[::3] = rim[::3, ::-1]
+    directions = np.column_stack([np.zeros(len(points)), rim]) + rng.normal(scale=1e-7, size=points.shape) - points
+    facing = (directions * normals).sum(axis=1) > 1e-3
+    met = occlusion.met(points[facing], normals[facing], directions[facing], occlusion.surface(particles)).particles
+    assert facing.sum() > 100_000
+    assert not particles.emits[met[met >= 0]].any()
+    assert (met < 0).mean() < 1e-3
+
+
 @pytest.mark.parametrize("cells", [11, 60])
 @pytest.mark.parametrize("thickness", [0.0, 0.02])
 def test_light_does_not_leak_along_a_floor_under_a_wall(cells, thickness):
