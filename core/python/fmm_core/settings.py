@@ -54,9 +54,9 @@ class Settings:
                     neighbours, over at most a tenth of their mesh
     quadrature      degree of the Gaussian rule on each patch: 1, 2, 4 or 5 (1, 3, 6 or 7 points), or None to choose
                     2 where there are fewer triangles than particles asked for and 1 elsewhere
-    near_reach      patches closer than this many of their own radii count with their exact form factor; None: 4, or 12
-                    where they carry a single point, for errors of less than 0.1 %, but 6 with shadows in the fast
-                    multipole method, which has larger errors and pays for reach in rays
+    near_reach      patches closer than so many of their radii, at least 2, count with their exact form factor; None:
+                    4, or 12 where they carry a single point, for errors of less than 0.1 %, but 6 with shadows in the
+                    fast multipole method, which has larger errors and pays for reach in rays
     iteration       "krylov": GMRES; "shooting": that of the paper (section 4), slower where surfaces are bright
     tolerance       iteration ends when the unshot part of the light is below this share
     max_iterations  and at the latest after this many applications of the operator
@@ -115,7 +115,7 @@ class Settings:
         self._check_effects()
         self._check_choice("expansion", (None, *EXPANSIONS))
         if self.near_reach is not None:
-            self._check_real("near_reach", 1.0, 1e3)
+            self._check_real("near_reach", 2.0, 1e3)
         if self.target_error is not None:
             self._check_real("target_error", 1e-6, 1.0)
         optional = {

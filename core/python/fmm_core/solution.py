@@ -75,7 +75,8 @@ class Solution:
 
         effort: the share of the rays that the settings give each point, where several points are averaged afterwards.
 
-        A point on an edge lies on several surfaces and may be blocked by any of them: step it inside first.
+        A point on an edge lies on several surfaces and may be blocked by any of them: step it inside first. Where the
+        plan leaves occlusion out, as nothing stands between the surfaces, nothing blocks points off them either.
         progress(fraction, text) as in `solve`. Raises `Error` naming the row on a shape or value that is wrong.
         """
         points, normals = self._receivers(points, normals)

@@ -33,8 +33,8 @@ finally:
 
 #: Distance between a surface and the end of a ray, in half scene sizes: some ten times embree's rounding error.
 OFFSET = 2e-6
-#: A ray that meets a triangle so near to its edge, in half scene sizes, may have slipped through the joint there: embree
-#: was seen to err by a tenth of it. The ray is asked again, as far beyond the edge.
+#: Embree may let a ray slip through the joint of two triangles: one that meets a triangle so near to its edge, in half
+#: scene sizes, ten times embree's error, is asked again, as far beyond the edge.
 RIM = 5e-7
 #: A ray to a lamp ends so much before it, in half scene sizes: a lamp may lie on a ceiling.
 END = 4e-6
