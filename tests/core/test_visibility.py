@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Occlusion in the fast multipole method, judged by the direct method with all rays."""
 
+from importlib.metadata import version
+
 import fmm_core
 import numpy as np
 import pytest
@@ -206,6 +208,16 @@ def test_rays_meet_the_same_triangles_however_these_are_given_to_the_tracer(monk
     pieces = visibility.Occlusion(scene)._met(points.astype(np.float32), directions.astype(np.float32))
     assert len(np.unique(whole[0])) > 10
     assert all((a == b).all() for a, b in zip(whole, pieces, strict=True))
+
+
+def test_a_scene_of_another_embreex_is_built_by_its_first_ray(monkeypatch):
+    assert version("embreex") == visibility.KNOWN_EMBREEX
+    rays = np.full((1, 3), 0.5, np.float32), np.array([[0.0, 0.0, -1.0]], np.float32)
+    room = shapes.subdivided_room(20).astype(np.float32)
+    built = visibility._Tracer(room).run(*rays)
+    monkeypatch.setattr(visibility, "KNOWN_EMBREEX", "another")
+    assert visibility._Tracer(room).run(*rays) == built
+    assert built >= 0
 
 
 @pytest.mark.parametrize("quadrature", [2, 5])

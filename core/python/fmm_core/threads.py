@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How many threads the work is shared among."""
+"""How many threads the work is shared among, and how."""
 
 import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
 
 from . import _binding
 from .errors import Error
+from .progress import Tick
 
 _limit = 0
 
@@ -25,6 +28,17 @@ def limit_threads(count: int) -> bool:
     return _binding.limit_threads(_limit)
 
 
-def threads() -> int:
-    """How many threads rays are traced in."""
-    return _limit or os.cpu_count() or 1
+def run_blocks(work: Callable[[slice], int], count: int, size: int, tick: Tick) -> int:
+    """Runs `work` on slices of `size` rows in several threads; sums what it returns."""
+    slices = [slice(start, min(start + size, count)) for start in range(0, count, size)]
+    total = 0
+    with ThreadPoolExecutor(_limit or os.cpu_count() or 1) as pool:
+        futures = [pool.submit(work, rows) for rows in slices]
+        try:
+            for done, future in enumerate(futures, 1):
+                total += future.result()
+                tick(done / len(slices))
+        finally:
+            for future in futures:
+                future.cancel()
+    return total

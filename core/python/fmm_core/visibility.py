@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Occlusion by embreex: the only module that traces rays."""
 
+import ctypes
 import os
 import sys
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from copy import copy
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +20,7 @@ from .particles import Particles
 from .patterns import around, disc, shifts
 from .progress import Tick, silent
 from .scene import Scene
-from .threads import threads
+from .threads import run_blocks
 
 # Blender on Linux carries an Embree of its own, to which embreex must not bind.
 _flags = sys.getdlopenflags() if hasattr(os, "RTLD_DEEPBIND") else None
@@ -50,6 +52,8 @@ BATCH = 150_000
 LEAST_BATCHES = 8
 #: Triangles that are given to embree together, while nothing else of Python runs.
 PIECE = 1 << 14
+#: The embreex whose scenes hold the address of embree's own behind the head of a Python object.
+KNOWN_EMBREEX = "4.4.0.post1"
 #: Cells that rays are shot from in one block.
 CELLS_PER_BLOCK = 16
 
@@ -71,6 +75,7 @@ class _Tracer:
         starts = range(0, len(corners), PIECE)
         make = embreex.mesh_construction.TriangleMesh
         self._meshes = [make(self._scene, corners[start : start + PIECE]) for start in starts]
+        _commit(self._scene)
         self._corners = corners
         edges = np.roll(corners, -1, axis=1) - corners
         twice = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
@@ -285,7 +290,7 @@ class Occlusion:
             # A leaf's rays are known once they are made: about half of its points' directions are open.
             size = BATCH * max(1, leaves) // max(1, points * rays // 2)
             size = min(max(1, size), max(1, leaves // LEAST_BATCHES))
-            self.rays += _run_blocks(work, leaves, size, lambda done, start=start: tick(start + 0.3 * done))
+            self.rays += run_blocks(work, leaves, size, lambda done, start=start: tick(start + 0.3 * done))
 
     def _met(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> tuple[NDArray, NDArray, NDArray]:
         """What rays meet: triangles, -1 for none, and where on them, u and v."""
@@ -303,7 +308,7 @@ class Occlusion:
             return len(slots)
 
         count = fmm.find_cells((tuple(self._centre), self._scale, OFFSET))
-        self.rays += _run_blocks(shoot_and_detect, count, CELLS_PER_BLOCK, lambda done: tick(0.2 + 0.6 * done))
+        self.rays += run_blocks(shoot_and_detect, count, CELLS_PER_BLOCK, lambda done: tick(0.2 + 0.6 * done))
         fmm.generate()
 
     def visible_targets(
@@ -377,7 +382,7 @@ class Occlusion:
 
     def run_blocks(self, work: Callable[[slice], int], count: int, size: int, tick: Tick = silent) -> None:
         """Runs `work` on slices of so many rows, several at once; it returns how many rays it asked."""
-        self.rays += _run_blocks(work, count, max(1, size), tick)
+        self.rays += run_blocks(work, count, max(1, size), tick)
 
     def _lifted(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
         return (points - self._centre) / self._scale + OFFSET * normals
@@ -388,17 +393,11 @@ def _on_grid(shares: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.round(np.clip(shares, 0, 1) * np.float32(HIT_STEPS)) / np.float32(HIT_STEPS)
 
 
-def _run_blocks(work: Callable[[slice], int], count: int, size: int, tick: Tick) -> int:
-    """Runs `work` on slices of `size` rows in several threads; sums what it returns."""
-    slices = [slice(start, min(start + size, count)) for start in range(0, count, size)]
-    total = 0
-    with ThreadPoolExecutor(threads()) as pool:
-        futures = [pool.submit(work, rows) for rows in slices]
-        try:
-            for done, future in enumerate(futures, 1):
-                total += future.result()
-                tick(done / len(slices))
-        finally:
-            for future in futures:
-                future.cancel()
-    return total
+def _commit(scene: embreex.rtcore_scene.EmbreeScene) -> None:
+    """Builds an embree scene while other threads run: embreex keeps the interpreter for it, but has nothing left to do
+    for a scene that is built. Does nothing where that is not known to work.
+    """
+    with suppress(PackageNotFoundError, OSError, AttributeError):
+        if version("embreex") == KNOWN_EMBREEX:
+            commit = ctypes.CDLL(embreex.rtcore_scene.__file__).rtcCommitScene
+            commit(ctypes.c_void_p.from_address(id(scene) + object.__basicsize__))
