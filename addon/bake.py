@@ -83,9 +83,13 @@ def reading(context: bpy.types.Context, keep: bool = False, **output: object) ->
         warnings = ("visibility is not kept: save the .blend first, the file goes beside it",)
     limit, settings = preferences.memory_limit(), properties.settings_of(context.scene)
     memory.check(estimate.predict(scene.vertex_count, settings, output.colours == "FIT").memory_mib, limit)
-    yield
-    yield from scene.painting()
-    return Input(scene, time.perf_counter() - start, output, limit, kept, warnings)
+    seconds, painting, going = time.perf_counter() - start, scene.painting(), True
+    while going:
+        yield
+        start = time.perf_counter()
+        going = next(painting, "done") is None
+        seconds += time.perf_counter() - start
+    return Input(scene, seconds, output, limit, kept, warnings)
 
 
 def write(result: Result) -> dict:

@@ -89,8 +89,8 @@ class Surface:
     remarks: tuple[str, ...] = ()
 
 
-#: How a material is found again: its name, and the file of the library that it is linked from.
-Name = tuple[str, str | None]
+#: How a material is found again: its name, the file of the library that it is from, and its number in this session.
+Name = tuple[str, str | None, int]
 
 
 def name_of(material: bpy.types.Material | None) -> Name | None:
@@ -98,15 +98,19 @@ def name_of(material: bpy.types.Material | None) -> Name | None:
     if material is None:
         return None
     original = material.original
-    return original.name, None if original.library is None else original.library.filepath
+    library = None if original.library is None else original.library.filepath
+    return original.name, library, original.session_uid
 
 
 def find(name: Name | None) -> bpy.types.Material | None:
-    """The material of a name; raises fmm_core.Error where it is gone."""
+    """The material of a name, or of a number if it was renamed; raises fmm_core.Error where it is gone."""
     import bpy
 
-    found = None if name is None else bpy.data.materials.get(name)
-    if name is not None and found is None:
+    if name is None:
+        return None
+    materials = bpy.data.materials
+    found = materials.get(name[:2]) or next((each for each in materials if each.session_uid == name[2]), None)
+    if found is None:
         raise Error(f"material '{name[0]}' was removed while it was read")
     return found
 

@@ -4,6 +4,7 @@
 import json
 import math
 import os
+import time
 
 import bpy
 import fmm_core
@@ -48,6 +49,20 @@ def test_colours_are_radiance_at_the_output_points(build, fmm, read):
         colours = baked(bpy.data.meshes[receiver.mesh])
         assert np.allclose(colours[:, :3], expected[receiver.rows], rtol=1e-6, atol=1e-7)
         assert (colours[:, 3] == 1).all()
+
+
+def test_pauses_between_the_steps_of_reading_do_not_count(build, fmm):
+    build.room()
+    steps, pauses = fmm.bake.reading(bpy.context), 0
+    try:
+        while True:
+            next(steps)
+            time.sleep(0.5)
+            pauses += 1
+    except StopIteration as end:
+        seconds = end.value.seconds
+    assert pauses > 3
+    assert 0 < seconds < pauses * 0.25
 
 
 def test_colours_are_fitted_to_the_light_on_the_faces(build, command, read, tmp_path):

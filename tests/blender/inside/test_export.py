@@ -285,6 +285,16 @@ def test_a_material_that_is_removed_while_it_is_read_is_named(painted_room, fmm)
         list(steps)
 
 
+def test_a_material_that_is_renamed_while_it_is_read_is_found_again(painted_room, fmm, read):
+    expected = read()
+    reading = fmm.export.read_meshes(bpy.context.evaluated_depsgraph_get())
+    steps = reading.painting()
+    next(steps)
+    bpy.data.materials["Red"].name = "Scarlet"
+    list(steps)
+    assert (reading.arrays().corner_albedo == expected.corner_albedo).all()
+
+
 def test_what_was_read_is_put_together_in_a_thread_after_the_scene_is_gone(painted_room, fmm, read):
     expected = read()
     assert len(np.unique(expected.corner_albedo)) > 4
