@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -35,6 +36,9 @@ class Mesh:
         following[self.face_start + self.face_corners - 1] = self.face_start
         return following
 
+
+#: What a triangle takes in Blender: the numbers of three corners.
+_TRIANGLE_BYTES = 12
 
 #: m from the origin: of larger numbers the products of a solve no longer are finite.
 FARTHEST = 1e15
@@ -194,9 +198,19 @@ def read_mesh(mesh: bpy.types.Mesh) -> Mesh:
         face_corners=np.diff(starts, append=np.int32(len(mesh.loops))),
         face_material=np.zeros(len(faces), np.int32) if materials is None else get(materials.data, "value", np.int32),
         smooth=sharp is None or not get(sharp.data, "value", bool).any(),
-        triangle_corners=get(triangles, "loops", np.int32, 3),
+        triangle_corners=_triangle_corners(triangles),
         triangle_face=get(mesh.loop_triangle_polygons, "value", np.int32),
     )
+
+
+def _triangle_corners(triangles: bpy.types.bpy_prop_collection) -> np.ndarray:
+    """(T,3) the corners of triangles: Blender hands them out one by one, but has them in a row."""
+    count = len(triangles)
+    if count:
+        first, last = triangles[0].as_pointer(), triangles[count - 1].as_pointer()
+        if last - first == _TRIANGLE_BYTES * (count - 1):
+            return np.frombuffer((ctypes.c_int32 * (3 * count)).from_address(first), np.int32).reshape(-1, 3).copy()
+    return get(triangles, "loops", np.int32, 3)
 
 
 def corner_vertices(mesh: bpy.types.Mesh) -> np.ndarray:

@@ -19,7 +19,7 @@ def fmm():
 
     assert addon_utils.enable(MODULE, default_set=True) is not None
     names = ("export", "bake", "attributes", "materials", "properties", "command_line", "session", "report",
-             "error_map", "estimate", "live", "subdivision", "memory", "animation")  # fmt: skip
+             "error_map", "estimate", "live", "meshes", "subdivision", "memory", "animation")  # fmt: skip
     return SimpleNamespace(**{name: importlib.import_module(f"{MODULE}.addon.{name}") for name in names})
 
 

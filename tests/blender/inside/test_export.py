@@ -242,6 +242,18 @@ def test_negative_strength_is_an_error(build, read):
         read()
 
 
+@pytest.mark.parametrize("sides", [3, 4, 9])
+@pytest.mark.parametrize("faces", [1, 50])
+def test_triangles_are_those_that_blender_hands_out_one_by_one(build, fmm, sides, faces):
+    turns = 2 * np.pi * np.arange(sides) / sides
+    ring = np.column_stack([np.cos(turns), np.sin(turns), 0 * turns])
+    places = np.concatenate([ring + [0, 0, face] for face in range(faces)])
+    mesh = build.object("Rings", places, np.arange(faces * sides).reshape(-1, sides).tolist()).data
+    found = fmm.meshes.read_mesh(mesh).triangle_corners
+    assert found.tolist() == [list(triangle.loops) for triangle in mesh.loop_triangles]
+    assert len(found) == faces * (sides - 2)
+
+
 @pytest.fixture
 def painted_room(build):
     """A room whose floor has the colours of an attribute, which a group reads."""
