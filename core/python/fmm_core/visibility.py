@@ -211,17 +211,8 @@ class Occlusion:
 
     def buried(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(M,) whether most rays from a point meet the backs of one-sided triangles: it is inside an object."""
-        origins = self._lifted(points, normals).astype(np.float32)
-        rng, backs = np.random.default_rng(0), np.zeros(len(points))
-        for _ in range(BURIED_RAYS):
-            # A point on the sphere about the end of the normal: even by cosine.
-            directions = rng.normal(size=points.shape)
-            directions = directions / np.linalg.norm(directions, axis=1, keepdims=True) + (1 + 1e-6) * normals
-            triangles = self._scene.run(origins, directions.astype(np.float32), query="INTERSECT")
-            behind = (self._normals[triangles] * directions).sum(axis=1) > 0
-            backs += (triangles >= 0) & behind & ~self._two_sided[triangles]
-        self.rays += BURIED_RAYS * len(points)
-        return 2 * backs > BURIED_RAYS
+        fronts, met = self.shares_met(points, normals, BURIED_RAYS)
+        return met - fronts > 0.5
 
     def shares_met(
         self, points: NDArray[np.float64], normals: NDArray[np.float64], rays: int
