@@ -18,7 +18,7 @@ from .node_fields import SCRATCH
 from .session import session
 
 #: Seconds without a change before anything is done, between two looks at the thread, and of reading at a time.
-QUIET, LOOK, MOMENT = 0.2, 0.05, 0.06
+QUIET, LOOK, MOMENT = 0.2, 0.05, 0.04
 #: Datablocks that light depends on beside the geometry.
 _LIGHTS = ("MATERIAL", "LIGHT", "WORLD", "NODETREE")
 

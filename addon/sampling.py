@@ -7,7 +7,7 @@ is large, it is cut, so that light of several colours leaves it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -48,7 +48,7 @@ SAME, SAME_ALPHA = 0.02, 1 / 512
 #: What is less of light counts as nothing.
 DARK = 1e-4
 #: Samples that are evaluated at a time: bounds memory, and how long Blender is held up.
-CHUNK = 1 << 15
+CHUNK = 1 << 13
 _ARRAYS = "albedo", "emission", "opacity", "colour"
 _DULL = np.zeros((1, GLOSS))
 
@@ -81,6 +81,7 @@ class Slots:
     def __init__(self, mesh: Mesh, layers: Layers, mirrored: bool, count: int) -> None:
         self.mesh, self.layers, self._mirrored = mesh, layers, mirrored
         self._of_faces = np.minimum(mesh.face_material, count - 1)
+        self._triangles: Array | None = None
 
     def first(self, slot: int) -> int | None:
         """A corner that has a slot, if any has."""
@@ -89,13 +90,21 @@ class Slots:
 
     def of(self, slot: int) -> tuple[Array, Array]:
         """Corners (K, 3) of the triangles that have a slot and an area, and all corners of the mesh that have it."""
+        for _ in self.prepare():
+            pass
         own = self._triangles
         return own[self._of_corners[own[:, 0]] == slot], np.flatnonzero(self._of_corners == slot)
 
-    @cached_property
-    def _triangles(self) -> Array:
-        corners = self.mesh.triangle_corners[:, ::-1] if self._mirrored else self.mesh.triangle_corners
-        return corners[with_area(self.layers.world[corners])]
+    def prepare(self) -> Iterator[None]:
+        """What `of` needs, in turns."""
+        if self._triangles is None:
+            corners = self.mesh.triangle_corners[:, ::-1] if self._mirrored else self.mesh.triangle_corners
+            parts = [corners[:0]]
+            for start in range(0, len(corners), CHUNK):
+                part = corners[start : start + CHUNK]
+                parts.append(part[with_area(self.layers.world[part])])
+                yield
+            self._triangles = np.concatenate(parts)
 
     @cached_property
     def _of_corners(self) -> Array:
@@ -168,6 +177,7 @@ class Painter:
                 self.constants[material] = surface, one_sided, remarks
             return Coat(slot, surface, one_sided, None), remarks
         yield
+        yield from slots.prepare()
         own, at = slots.of(slot)
         points = Points(layers, at[:, None], np.ones((len(at), 1)))
         at_corners = yield from self._read_many(material, points)
@@ -261,11 +271,15 @@ def _sampled(
         among = np.searchsorted(at.corners[:, 0], corners)
         texels = np.max([_longest(places[among]) for places in at.texels], axis=0)
         wanted = SAMPLES_A_PIXEL * texels
-    world = layers.world[corners]
-    parts = _power_of_two(np.clip(_longest(world) / detail, 1, MOST_PARTS) / np.sqrt(2))
+    lengths = []
+    for start in range(0, len(corners), CHUNK):
+        lengths.append(_longest(layers.world[corners[start : start + CHUNK]]))
+        yield
+    sizes = np.concatenate(lengths) / detail
+    parts = _power_of_two(np.clip(sizes, 1, MOST_PARTS) / np.sqrt(2))
     # Noise on small triangles evens out among those of a part; there is no telling how coarse an image is.
     a_part, least = (FEW, 1) if at.fine else (SAMPLES_A_PART, FEW)
-    most = np.clip(a_part * _longest(world) / detail, least, most)
+    most = np.clip(a_part * sizes, least, most)
     steps = _power_of_two(np.clip(wanted, 1, most))
     while (steps**2).sum() > MOST_SAMPLES and steps.max() > 1:
         steps = np.minimum(steps, steps.max() // 2)

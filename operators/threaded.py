@@ -16,7 +16,7 @@ from ..addon.report import summary
 from ..addon.session import Running, session
 
 #: Seconds between two looks at the thread, and of reading at a time; both are the same in single precision.
-LOOK, MOMENT = 1 / 8, 1 / 16
+LOOK, MOMENT = 1 / 8, 1 / 32
 
 
 class ReadsScene:
