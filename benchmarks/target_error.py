@@ -13,17 +13,13 @@ from typing import Any
 
 from common import Array, Row, parser, print_table, write_json
 from fmm_core import Scene, Settings, solve_at
-from measured_error import CASES, SMALL, true_error, truth
-
-import examples
+from measured_error import CASES, true_error, truth
 
 TARGETS = (0.05, 0.02, 0.01, 0.005)
 #: The bar for the true error over the target.
 BAR = 1.2
-#: Scenes of `measured_error.py`, those with settings of their own left out.
-NAMES = ("room", "white room", "fine mesh", "clutter", "clutter of 20", "balls", "sixteen lamps", "columns")
-#: What all of them are called here, with those that are shipped.
-ALL = NAMES + tuple(name.replace("_", " ") for name in examples.NAMES)
+#: The scenes of `measured_error.py`, without the settings that some have there.
+SCENES = {case.name.split(", ")[0]: case.make for case in CASES}
 COLUMNS = {
     "name": ("scene", "s"),
     "target": ("target", ".3f"),
@@ -42,10 +38,7 @@ COLUMNS = {
 
 def run(name: str, targets: Sequence[float]) -> list[Row]:
     """A bake to each target."""
-    if name in NAMES:
-        scene, points = next(case for case in CASES if case.name.split(", p")[0] == name).make()
-    else:
-        scene, points = examples.example(name.replace(" ", "_"))
+    scene, points = SCENES[name]()
     exact = truth(scene, points)
     return [bake(name, target, scene, points, exact) for target in targets]
 
@@ -74,10 +67,10 @@ def bake(name: str, target: float, scene: Scene, points: tuple[Array, Array], ex
 
 def main() -> None:
     options = parser(__doc__)
-    options.add_argument("--only", nargs="+", choices=ALL, help="some of the scenes")
+    options.add_argument("--only", nargs="+", choices=SCENES, help="some of the scenes")
     options.add_argument("--targets", nargs="+", type=float, default=TARGETS)
     arguments = options.parse_args()
-    names = SMALL if arguments.small else arguments.only or ALL
+    names = ["room"] if arguments.small else arguments.only or SCENES
     rows = [row for name in names for row in run(name, arguments.targets)]
     print_table(rows, COLUMNS)
     print(f"{sum(row['over'] <= BAR for row in rows)} of {len(rows)} within {BAR} times the target")

@@ -29,6 +29,8 @@ type HemisphereArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32
 type SeenArrays<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
 type ContactArrays<'py> =
     (Bound<'py, PyArray1<i8>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<bool>>);
+/// Sources (R,), places and normals (R, 3).
+type MetArrays<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 /// Irradiance, and the seconds of each pass.
 type Timed<'py> = (Bound<'py, PyArray2<f64>>, driver::Seconds);
 
@@ -293,7 +295,8 @@ impl Surface {
         Ok(Surface { surface: py.detach(build).map_err(value_error)? })
     }
 
-    /// The source (R,) that each ray meets, or -1: triangles (R,), -1 for none, where on them, and directions (R, 3).
+    /// The source (R,) that each ray meets, or -1, where (R, 3), and the unit normal (R, 3) of the side that it comes to:
+    /// triangles (R,), -1 for none, where on them, and directions (R, 3).
     fn met<'py>(
         &self,
         py: Python<'py>,
@@ -301,14 +304,22 @@ impl Surface {
         u: PyReadonlyArray1<f32>,
         v: PyReadonlyArray1<f32>,
         directions: PyReadonlyArray2<f32>,
-    ) -> PyResult<Bound<'py, PyArray1<i64>>> {
+    ) -> PyResult<MetArrays<'py>> {
         let (triangles, u, v) = (flat(&triangles)?, flat(&u)?, flat(&v)?);
         let directions = triples(&directions, "directions")?;
         if [u.len(), v.len(), directions.len()] != [triangles.len(); 3] {
             return Err(value_error("met: triangles, u, v and directions differ in length"));
         }
-        let source = |i: usize| self.surface.met(triangles[i], (u[i], v[i]), directions[i]).map_or(-1, i64::from);
-        Ok(vector(py, py.detach(|| (0..triangles.len()).map(source).collect())))
+        let (sources, (places, sides)): (Vec<_>, (Vec<_>, Vec<_>)) = py.detach(|| {
+            let ray = |i: usize| {
+                let (triangle, at) = (triangles[i], (u[i], v[i]));
+                let source = self.surface.met(triangle, at, directions[i]).map_or(-1, i64::from);
+                let side = self.surface.side(triangle, directions[i]).unwrap_or_default();
+                (source, (self.surface.place(triangle, at).unwrap_or_default(), side))
+            };
+            (0..triangles.len()).map(ray).unzip()
+        });
+        Ok((vector(py, sources), table(py, places)?, table(py, sides)?))
     }
 }
 

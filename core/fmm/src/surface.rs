@@ -113,6 +113,14 @@ impl Surface {
         Some([0, 1, 2].map(|i| (1.0 - u - v) * a[i] + u * b[i] + v * c[i]))
     }
 
+    /// The unit normal of the side of a triangle that a ray comes to, none for -1.
+    pub fn side(&self, triangle: i32, direction: [f32; 3]) -> Option<[f64; 3]> {
+        let normal = *self.normals.get(usize::try_from(triangle).ok()?)?;
+        let length = dot(normal, normal).sqrt();
+        let towards = if dot(normal, direction.map(f64::from)) > 0.0 { -length } else { length };
+        Some(normal.map(|x| x / towards))
+    }
+
     /// The source (scene order) nearest to a point of a triangle, at its front or at its back; u and v weigh its second and
     /// third corner.
     pub fn source(&self, triangle: u32, (u, v): (f64, f64), front: bool) -> Option<u32> {
@@ -236,6 +244,14 @@ mod tests {
         assert_eq!(surface.met(0, (0.9, 0.05), down), Some(1));
         assert_eq!(surface.met(1, (0.9, 0.05), down), Some(1));
         assert_eq!(surface.met(0, (0.05, 0.9), down.map(|x| -x)), Some(3));
+    }
+
+    #[test]
+    fn a_ray_comes_to_the_side_that_looks_at_it() {
+        let surface = Surface::new(&[CORNERS], &[-1], &[0.5], &[[0, 1]], &[[1. / 3.; 3]], 2).unwrap();
+        assert_eq!(surface.side(0, [0.1, 0.0, -2.0]), Some([0.0, 0.0, 1.0]));
+        assert_eq!(surface.side(0, [0.1, 0.0, 2.0]).map(|side| side[2]), Some(-1.0));
+        assert_eq!(surface.side(-1, [0.0, 0.0, 1.0]), None);
     }
 
     #[test]

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The measured error of a solve: a few random probes, each found once more by rays, and a range that it lies in."""
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -15,18 +14,22 @@ from .progress import Tick, silent
 from .reference import PLACES, Reference
 from .scene import Scene
 from .settings import Settings
+from .threads import threads
 from .transport import Operator, Space
 
 Points = NDArray[np.float64]
 
 #: Rays of each kind from a probe, and from all particles together, in each of two independent estimates.
 PROBE_RAYS, PARTICLE_RAYS = 512, 400_000
-#: What measuring may take, as a share of the other seconds of a bake; below so many of all rays it says nothing.
-SHARE, LEAST_EFFORT = 0.25, 0.25
-#: All rays are enough for targets from so large on; smaller ones need more, up to so many times as many.
+#: The latter where rays from probes go on, which then tell nearly all.
+FEW_RAYS = 25_000
+#: What measuring aims to take, as a share of the other seconds of a bake, so that it takes no more than a quarter where
+#: rays are slow; with less than this share of all rays it says nothing.
+SHARE, LEAST_EFFORT = 0.2, 0.25
+#: The target that all rays are for; others need more or less, up to so many times as many.
 USUAL_TARGET, MOST_EFFORT = 0.01, 4.0
 #: Seconds of a ray, with all that is done for it, on one core: it need not be exact.
-RAY_SECONDS = 7e-7
+RAY_SECONDS = 8e-7
 #: Applications of the exchange after which an error of the radiosity goes on as a geometric series.
 STEPS = 4
 #: Standard deviation of the product of both estimates' noise over all probes, as a share of their squared difference.
@@ -79,9 +82,10 @@ def measure(
     chosen = np.sort(rng.choice(len(found), size=min(settings.probes, len(found)), replace=False))
     # What is found of few patches takes rays that go on.
     few = len(solved.space.sums.particles.areas) < FEW_PATCHES
-    ways = len(chosen) * (1 + PLACES * few)
-    effort = _effort(ways, *seconds) if settings.target_error is None else _target_effort(settings.target_error)
-    rays, samples = round(effort**0.5 * PROBE_RAYS), round(effort * PARTICLE_RAYS)
+    ways, samples = len(chosen) * (1 + PLACES * few), FEW_RAYS if few else PARTICLE_RAYS
+    target = settings.target_error
+    effort = _effort(ways, samples, *seconds) if target is None else _target_effort(target)
+    rays, samples = round(effort**0.5 * PROBE_RAYS), round(effort * samples)
     gathered, further, traced = estimates(points[chosen], normals[chosen], solved, rays, samples, tick)
     whole = gathered + further
     errors = found[chosen] - whole
@@ -152,14 +156,19 @@ def propagated(exchange: Operator, albedo: Points, residual: Points) -> Points:
 
 def _target_effort(target: float) -> float:
     """Share of all rays with which an error is measured that decides over the settings."""
-    return float(np.clip(USUAL_TARGET / target, 1.0, MOST_EFFORT))
+    return float(np.clip(USUAL_TARGET / target, LEAST_EFFORT, MOST_EFFORT))
 
 
-def _effort(ways: int, baked: float, application: float) -> float:
-    """Share of all rays that measuring can afford, with so many ways from probes and from the places they come to."""
-    rays = 4 * (PROBE_RAYS * ways + PARTICLE_RAYS)
+def _effort(ways: int, samples: int, baked: float, application: float) -> float:
+    """Share of all rays that measuring can afford, with so many ways from probes and from the places they come to, and
+    so many rays from all particles.
+    """
     left = SHARE * baked - 2 * STEPS * application
-    return float(np.clip(left / (rays * RAY_SECONDS / (os.cpu_count() or 1)), LEAST_EFFORT, 1.0))
+    rays = max(0.0, left * threads() / RAY_SECONDS / 4)
+    # Of a share e there are root(e) of the rays from probes, and e of those from particles.
+    of_probes = PROBE_RAYS * ways
+    root = (np.sqrt(of_probes**2 + 4 * samples * rays) - of_probes) / (2 * samples)
+    return float(np.clip(root**2, LEAST_EFFORT, 1.0))
 
 
 def _root(squared: float) -> float:

@@ -17,7 +17,7 @@ from .visibility import Met
 Points = NDArray[np.float64]
 
 #: Rays that are traced together.
-RAYS_PER_BLOCK = 8192
+RAYS_PER_BLOCK = 32_768
 #: Places that a ray comes to, one after the other, where it is to find what leaves them.
 PLACES = 4
 
@@ -137,9 +137,11 @@ class Reference:
         """
         scene, particles = self._scene, self._particles
         met = self._occlusion.met(points, normals, directions, self._surface)
-        received = np.where(met.particles[:, None] >= 0, radiosity[met.particles], 0.0)
-        passed = left(self._medium, points, directions, np.linalg.norm(met.positions - points, axis=1))
-        received *= np.tile(passed, radiosity.shape[1] // 3)
+        received = radiosity[met.particles]
+        received[met.particles < 0] = 0.0
+        passed = self._left(points, met.positions)
+        if not self._medium.is_clear:
+            received *= np.tile(passed, radiosity.shape[1] // 3)
         if len(self._emitters) == 0:
             return received, met, passed, len(points)
         lit = np.flatnonzero(self._emitters.density[met.particles] > 0)
@@ -155,20 +157,26 @@ class Reference:
         triangles = particles.triangle[chosen[seen]]
         if scene.opacity is not None:
             share[seen] *= scene.opacity.mean[triangles]
-        between = ends[seen] - points[seen]
-        distances = np.linalg.norm(between, axis=1)
-        arrived = left(self._medium, points[seen], between / distances[:, None], distances)
-        received[seen, :3] += share[seen, None] * arrived * scene.emission[triangles]
+        arrived = share[seen, None] * self._left(points[seen], ends[seen])
+        received[seen, :3] += arrived * scene.emission[triangles]
         return received, met, passed, len(points) + len(asked)
+
+    def _left(self, points: Points, ends: Points) -> Points:
+        """(K, 3) shares of light that are left on the way to points from ends (K, 3)."""
+        if self._medium.is_clear:
+            return np.broadcast_to(1.0, points.shape)
+        between = ends - points
+        distances = np.maximum(np.linalg.norm(between, axis=1), np.finfo(float).tiny)
+        return left(self._medium, points, between / distances[:, None], distances)
 
     def _share(
         self, points: Points, normals: Points, ends: Points, end_normals: Points, particles: NDArray[np.int64]
     ) -> Points:
         """(K,) how likely a ray even by cosine is to go to an end, as a share of that and of choosing it at random."""
         between = ends - points
-        squared = np.maximum((between**2).sum(axis=1), np.finfo(float).tiny)
-        here = np.maximum((between * normals).sum(axis=1), 0.0)
-        there = np.maximum(-(between * end_normals).sum(axis=1), 0.0)
+        squared = np.maximum(_dot(between, between), np.finfo(float).tiny)
+        here = np.maximum(_dot(between, normals), 0.0)
+        there = np.maximum(-_dot(between, end_normals), 0.0)
         by_ray = here * there / (np.pi * squared)
         return by_ray / (by_ray + self._emitters.density[particles] * squared)
 
@@ -228,6 +236,11 @@ class _Places:
             # Normals of one group lie within a right angle.
             normals[groups] = flat * np.sign((flat * normals[groups]).sum(axis=1, keepdims=True))
         return triangles, _random_points(corners, rng), normals
+
+
+def _dot(a: Points, b: Points) -> Points:
+    """(K,) of rows (K, 3)."""
+    return np.einsum("kx,kx->k", a, b)
 
 
 def _random_points(triangles: Points, rng: np.random.Generator) -> Points:

@@ -28,11 +28,16 @@ def limit_threads(count: int) -> bool:
     return _binding.limit_threads(_limit)
 
 
+def threads() -> int:
+    """How many threads rays are traced in."""
+    return _limit or os.cpu_count() or 1
+
+
 def run_blocks(work: Callable[[slice], int], count: int, size: int, tick: Tick) -> int:
     """Runs `work` on slices of `size` rows in several threads; sums what it returns."""
     slices = [slice(start, min(start + size, count)) for start in range(0, count, size)]
     total = 0
-    with ThreadPoolExecutor(_limit or os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(threads()) as pool:
         futures = [pool.submit(work, rows) for rows in slices]
         try:
             for done, future in enumerate(futures, 1):

@@ -59,7 +59,7 @@ CELLS_PER_BLOCK = 16
 
 
 class Met(NamedTuple):
-    """What rays meet: particles and triangles (K,), -1 for none; where, and the unit normals of the side met (K, 3)."""
+    """What rays meet: particles and triangles (K,), -1 for none; where, and unit normals of the sides (K, 3), or 0."""
 
     particles: NDArray[np.int64]
     triangles: NDArray[np.int64]
@@ -364,12 +364,8 @@ class Occlusion:
         """What rays from points (K, 3) meet along directions (K, 3), to be called by what `run_blocks` runs."""
         flat = directions.astype(np.float32)
         triangles, u, v = self._met(self._lifted(points, normals).astype(np.float32), flat)
-        a, b, c = self.triangles[triangles].transpose(1, 0, 2)
-        positions = a + u[:, None] * (b - a) + v[:, None] * (c - a)
-        sides = self._normals[triangles]
-        sides = sides / np.linalg.norm(sides, axis=1, keepdims=True)
-        sides *= -np.sign((sides * directions).sum(axis=1, keepdims=True))
-        return Met(surface.met(triangles, u, v, flat), triangles, positions, sides)
+        particles, positions, sides = surface.met(triangles, u, v, flat)
+        return Met(particles, triangles, positions, sides)
 
     def run_blocks(self, work: Callable[[slice], int], count: int, size: int, tick: Tick = silent) -> None:
         """Runs `work` on slices of so many rows, several at once; it returns how many rays it asked."""
