@@ -14,8 +14,12 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
 def run(name, *options):
-    command = [sys.executable, BENCHMARKS / f"{name}.py", "--small", *options]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    return run_whole(name, "--small", *options, timeout=120)
+
+
+def run_whole(name, *options, timeout):
+    command = [sys.executable, BENCHMARKS / f"{name}.py", *options]
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
 
 
 @pytest.mark.parametrize("name", ["growth", "accuracy"])
@@ -78,3 +82,26 @@ def test_shipped_scenes_can_be_read():
     triangles, points, normals = map(int, done.stdout.splitlines()[-1].split())
     assert triangles > 1000
     assert points == normals > 1000
+
+
+@pytest.mark.slow
+def test_the_measured_error_of_300_probes_is_the_true_one_on_ten_scenes_and_flatters_none(tmp_path):
+    table = tmp_path / "table.json"
+    done = run_whole("measured_error", "--json", table, timeout=3000)
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(table.read_text())
+    assert {row["probes"] for row in rows} == {300}
+    assert all(row["true"] > 0 for row in rows)
+    scene = {row["name"]: row["name"].split(",")[0] for row in rows}
+    harsh = {row["name"]: row["ratio"] for row in rows if row["ratio"] > 1.5}
+    assert {row["name"]: row["ratio"] for row in rows if row["ratio"] < 1 / 1.5} == {}
+    assert len(set(scene.values()) - {scene[name] for name in harsh}) >= 10, harsh
+
+
+def test_measured_and_true_error_are_compared(tmp_path):
+    table = tmp_path / "table.json"
+    done = run("measured_error", "--json", table)
+    assert done.returncode == 0, done.stderr
+    (row,) = json.loads(table.read_text())
+    assert 0 < row["low"] <= row["measured_rms"] <= row["high"]
+    assert row["ratio"] == pytest.approx(row["measured_rms"] / row["true"])
