@@ -9,7 +9,7 @@ import pytest
 import shapes
 from fmm_core.particles import make_particles
 from fmm_core.quadrature import triangle_rule
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 
@@ -41,6 +41,8 @@ def test_particles_cover_the_area_with_unit_normals(corners, count, degree, two_
         scene = fmm_core.Scene(triangles, emission=1.0, two_sided=two_sided)
     except fmm_core.Error:
         return
+    # Surfaces in one place share it, see test_hard_cases.py.
+    assume(np.linalg.svd(triangles.reshape(6, 3) - triangles[0, 0])[1][2] > 1e-4 * np.ptp(triangles))
     particles = make_particles(scene, count, degree)
     cross = np.cross(scene.triangles[:, 1] - scene.triangles[:, 0], scene.triangles[:, 2] - scene.triangles[:, 0])
     area = np.linalg.norm(cross, axis=1) / 2 * (1 + two_sided)
