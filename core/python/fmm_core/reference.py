@@ -17,9 +17,9 @@ from .visibility import Met
 Points = NDArray[np.float64]
 
 #: Rays that are traced together.
-RAYS_PER_BLOCK = 32_768
+RAYS_PER_BLOCK = 16_384
 #: Places that a ray comes to, one after the other, where it is to find what leaves them.
-PLACES = 4
+PLACES = 2
 
 
 class Reference:
