@@ -76,6 +76,16 @@ def test_shadows_left_out_count_as_error():
     assert without.report["error"]["measured_rms"] == pytest.approx(true, rel=0.5)
 
 
+def test_what_is_measured_near_a_lamp_is_as_even_as_elsewhere():
+    solution = solved(particles=6000, quadrature=1, probes=0)
+    reference = Reference(solution.scene, solution._space.sums)
+    # On the tall block, most of whose light comes from the lamp 0.4 above it.
+    place = np.array([[0.43, 0.79, 0.6]]), np.array([[0.0, 0.0, 1.0]])
+    nothing = np.zeros_like(solution.radiosity)
+    found = [reference.irradiance(*place, solution.radiosity, nothing, 256, seed)[0, 0, 0] for seed in range(30)]
+    assert np.std(found) < 0.008 * np.mean(found)
+
+
 def test_rays_that_measure_are_counted_apart_and_can_be_left_out():
     room = fmm_core.Scene(shapes.room(), 0.5, 1.0)
     solution = solved(room)

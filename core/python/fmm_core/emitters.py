@@ -4,6 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _binding
 from .particles import Particles
 from .scene import Scene
 
@@ -11,7 +12,8 @@ Points = NDArray[np.float64]
 
 
 class Emitters:
-    """The patches that emit strongly, to be chosen by their power.
+    """The patches that emit strongly, to be chosen by their power: neighbours follow each other, so that what is even
+    over all power is even over the surfaces.
 
     patches      (E,) rows of the particles' patches; cumulative (E,): the share of all power up to each of them
     density      (N + 1,) per area, with which a chosen point is on a particle's patch; the last one is for no particle
@@ -20,7 +22,11 @@ class Emitters:
     def __init__(self, scene: Scene, particles: Particles) -> None:
         of_patches = particles.triangle[:: particles.per_patch]
         power = particles.areas * scene.emission[of_patches].mean(axis=1) * particles.emits[:: particles.per_patch]
-        self.patches = np.flatnonzero(power)
+        patches = np.flatnonzero(power)
+        if len(patches):
+            centres = particles.patches[patches].mean(axis=1)
+            patches = patches[_binding.tree_order(centres, particles.normals[patches * particles.per_patch])]
+        self.patches = patches
         power = power[self.patches]
         self.cumulative: Points = np.cumsum(power / power.sum())
         density = np.zeros(len(of_patches))
