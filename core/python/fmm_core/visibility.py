@@ -51,7 +51,7 @@ BATCH = 150_000
 #: However few there are they make so many batches, the same on all machines: what is kept is found by them.
 LEAST_BATCHES = 8
 #: Triangles that are given to embree together, while nothing else of Python runs.
-PIECE = 1 << 14
+PIECE = 1 << 12
 #: The embreex whose scenes hold the address of embree's own behind the head of a Python object.
 KNOWN_EMBREEX = "4.4.0.post1"
 #: Cells that rays are shot from in one block.
