@@ -210,6 +210,24 @@ def test_rays_meet_the_same_triangles_however_these_are_given_to_the_tracer(monk
     assert all((a == b).all() for a, b in zip(whole, pieces, strict=True))
 
 
+@pytest.mark.parametrize("quadrature", [1, 2])
+def test_a_lamp_that_the_horizon_cuts_leaves_no_specks(quadrature):
+    # The plane of a wall of the block goes through the lamp high above it.
+    lamp = shapes.quad([0.38, 0.6, 0.985], [0.62, 0.6, 0.985], [0.62, 0.41, 0.985], [0.38, 0.41, 0.985])
+    triangles = np.concatenate([shapes.room(), block([0.35, 0.52, 0.0], [0.65, 0.82, 0.3]), lamp])
+    scene = fmm_core.Scene(triangles, 0.5, np.where(np.arange(len(triangles)) < len(triangles) - 2, 0.0, 40.0))
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(0.351, 0.649, 3000), np.full(3000, 0.52), rng.uniform(0.01, 0.29, 3000)])
+    normals = np.tile([0.0, -1.0, 0.0], (3000, 1))
+
+    def received(**options):
+        return fmm_core.solve(scene, fmm_core.Settings(probes=0, **options)).irradiance(points, normals)[:, 0]
+
+    exact = received(particles=4000, method="direct")
+    found = received(particles=3000, rays=200, method="fmm", quadrature=quadrature)
+    assert np.abs(found - exact).max() < 0.08 * exact.mean()
+
+
 def test_a_scene_of_another_embreex_is_built_by_its_first_ray(monkeypatch):
     assert version("embreex") == visibility.KNOWN_EMBREEX
     rays = np.full((1, 3), 0.5, np.float32), np.array([[0.0, 0.0, -1.0]], np.float32)

@@ -10,7 +10,7 @@ use crate::facing::{Facing, FacingTest};
 use crate::links::{Links, Run, Weights};
 use crate::lists::{ListsOptions, cells_between};
 use crate::medium::Medium;
-use crate::octree::Octree;
+use crate::octree::{NO_BOX, Octree};
 use crate::octree_build::EMITTERS;
 use crate::rays::{Frame, facing};
 use crate::shaft::{Blockers, End};
@@ -256,6 +256,12 @@ impl View {
     /// Whether a source box holds emitters, which have boxes of their own.
     pub(crate) fn emits(&self, s: usize) -> bool {
         self.sources.axis[s] >= EMITTERS
+    }
+
+    /// Whether the box above a source box holds emitters as well.
+    pub(crate) fn emits_above(&self, s: usize) -> bool {
+        let above = self.sources.parent[s];
+        above != NO_BOX && self.emits(above as usize)
     }
 
     /// The list that a pair of boxes belongs to, as in [`crate::lists`]; None where only children can be told apart.

@@ -51,8 +51,8 @@ impl Visibility {
             |&(t, s): &(u32, u32)| leaves_below(&view.targets, t as usize).into_iter().map(move |t| (t as u32, s));
         let mut pairs: Vec<(u32, u32)> = partial.par_iter().flat_map_iter(below).collect();
         pairs.par_sort_unstable();
-        let (emitters, open): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|pair| view.emits(pair.1 as usize));
-        let leaves: Vec<&[(u32, u32)]> = emitters.chunk_by(|a, b| a.0 == b.0).collect();
+        let (shining, open): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|pair| view.emits(pair.1 as usize));
+        let leaves: Vec<&[(u32, u32)]> = shining.chunk_by(|a, b| a.0 == b.0).collect();
         let cuts_of = |leaf: &&[(u32, u32)]| -> Vec<Linked> {
             // Emitters seldom shine all at once: a leaf that sees many of them gives each one less.
             let total: f64 = leaf.iter().map(|&(t, s)| view.share(t as usize, s as usize)).sum();
@@ -63,8 +63,11 @@ impl Visibility {
             (vec![Vec::new(); view.targets.n_boxes()], vec![Vec::new(); view.targets.n_boxes()]);
         self.valid.iter().for_each(|pair| valid[pair.target as usize].push(pair.source));
         self.linked.iter().for_each(|&((leaf, s), _)| linked[leaf as usize].push(s));
+        // Emitters are summed wherever their points are in front of a leaf: a ray that meets a rim of one would add specks.
+        let topmost = |&s: &u32| view.emits(s as usize) && !view.emits_above(s as usize);
+        let emitters: Vec<u32> = (0..view.sources.n_boxes() as u32).filter(topmost).collect();
         let summed = |leaf: u32| {
-            let mut boxes = linked[leaf as usize].clone();
+            let mut boxes = [linked[leaf as usize].as_slice(), &emitters].concat();
             let above =
                 std::iter::successors(Some(leaf), |&t| Some(view.targets.parent[t as usize]).filter(|&t| t != NO_BOX));
             above.for_each(|t| boxes.extend(&valid[t as usize]));
