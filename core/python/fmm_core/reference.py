@@ -35,7 +35,7 @@ class Reference:
         self._scene, self._particles = scene, sums.particles
         self._occlusion, self._surface = sums.apart(scene)
         self._places = _Places.of(scene, sums.particles)
-        self._emitters, self._medium = Emitters(scene, sums.particles), sums.medium
+        self._emitters, self._medium = Emitters(scene, sums.particles, by_place=True), sums.medium
 
     @property
     def rays(self) -> int:
