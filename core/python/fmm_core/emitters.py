@@ -13,7 +13,7 @@ Points = NDArray[np.float64]
 
 class Emitters:
     """The patches that emit strongly, to be chosen by their power; by_place: neighbours follow each other, so that what
-    is even over all power is even over the surfaces. That tells few rays more of irradiance, but less of a narrow gloss.
+    is even over all power is even over the surfaces. That tells few rays more of irradiance, less of a narrow gloss.
 
     patches      (E,) rows of the particles' patches; cumulative (E,): the share of all power up to each of them
     density      (N + 1,) per area, with which a chosen point is on a particle's patch; the last one is for no particle
