@@ -59,15 +59,13 @@ impl Visibility {
             leaf.iter().map(|&pair| (pair, self.cut(view, pair, 1.0 / total.max(1.0)))).collect()
         };
         self.linked = leaves.par_iter().flat_map_iter(cuts_of).collect();
-        let (mut valid, mut linked) =
-            (vec![Vec::new(); view.targets.n_boxes()], vec![Vec::new(); view.targets.n_boxes()]);
+        let mut valid = vec![Vec::new(); view.targets.n_boxes()];
         self.valid.iter().for_each(|pair| valid[pair.target as usize].push(pair.source));
-        self.linked.iter().for_each(|&((leaf, s), _)| linked[leaf as usize].push(s));
         // Emitters are summed wherever their points are in front of a leaf: a ray that meets a rim of one would add specks.
         let topmost = |&s: &u32| view.emits(s as usize) && !view.emits_above(s as usize);
         let emitters: Vec<u32> = (0..view.sources.n_boxes() as u32).filter(topmost).collect();
         let summed = |leaf: u32| {
-            let mut boxes = [linked[leaf as usize].as_slice(), &emitters].concat();
+            let mut boxes = emitters.clone();
             let above =
                 std::iter::successors(Some(leaf), |&t| Some(view.targets.parent[t as usize]).filter(|&t| t != NO_BOX));
             above.for_each(|t| boxes.extend(&valid[t as usize]));
