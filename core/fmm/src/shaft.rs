@@ -5,12 +5,13 @@
 use crate::octree::Octree;
 use crate::vector::{cross, dot, high, low, norm, scale, sub};
 use rayon::prelude::*;
-use std::collections::HashMap;
 
 /// Rounding of coordinates, as a share of the largest.
 const ROUNDING: f64 = 1e-9;
 /// Triangles in a leaf of the hierarchy.
 const LEAF: usize = 4;
+/// Halves of so many triangles are made at the same time.
+const MANY: usize = 4096;
 
 type Vector = [f64; 3];
 
@@ -34,7 +35,7 @@ struct Triangle {
 struct Node {
     low: Vector,
     high: Vector,
-    /// Range of triangles; children follow their parent: the first at once, the second at `second`, 0 for a leaf.
+    /// Range of triangles; children follow their parent: the first at once, the second `second` nodes on, 0 for a leaf.
     start: u32,
     end: u32,
     second: u32,
@@ -54,28 +55,31 @@ impl Blockers {
     pub fn new(triangles: &[[Vector; 3]], trees: [&Octree; 2]) -> Self {
         let largest = trees.iter().map(|tree| tree.grid.magnitude()).fold(0.0, f64::max);
         let rounding = ROUNDING * largest;
-        let all: Vec<Triangle> = triangles.iter().filter_map(Triangle::new).collect();
+        let all: Vec<Triangle> = triangles.par_iter().filter_map(Triangle::new).collect();
         // Triangles of one wall share their plane, which is tested once.
-        let mut planes: HashMap<[i64; 4], Vec<usize>> = HashMap::new();
-        for (i, triangle) in all.iter().enumerate() {
-            planes.entry(triangle.plane_key(1e3 * rounding)).or_default().push(i);
-        }
-        let planes: Vec<Vec<usize>> = planes.into_values().collect();
-        let parts = |plane: &Vec<usize>| {
-            let first = all[plane[0]];
+        let mut keyed: Vec<([i64; 4], usize)> =
+            all.par_iter().enumerate().map(|(i, triangle)| (triangle.plane_key(1e3 * rounding), i)).collect();
+        keyed.par_sort_unstable();
+        let planes: Vec<&[([i64; 4], usize)]> = keyed.chunk_by(|a, b| a.0 == b.0).collect();
+        let parts = |plane: &[([i64; 4], usize)]| {
+            let first = all[plane[0].1];
             let ahead = |sign: f64| {
                 trees.iter().any(|tree| reaches(tree, scale(first.normal, sign), sign * first.offset, 1e3 * rounding))
             };
             ahead(1.0) && ahead(-1.0)
         };
-        let mut kept: Vec<usize> =
-            planes.par_iter().filter(|plane| parts(plane)).flat_map_iter(|plane| plane.iter().copied()).collect();
+        let mut kept: Vec<usize> = planes
+            .par_iter()
+            .filter(|plane| parts(plane))
+            .flat_map_iter(|plane| plane.iter().map(|one| one.1))
+            .collect();
         kept.par_sort_unstable();
-        let mut blockers = Self { triangles: kept.into_iter().map(|i| all[i]).collect(), nodes: Vec::new(), rounding };
-        if !blockers.triangles.is_empty() {
-            blockers.add_node(0, blockers.triangles.len());
+        let mut triangles: Vec<Triangle> = kept.into_iter().map(|i| all[i]).collect();
+        let mut nodes = Vec::new();
+        if !triangles.is_empty() {
+            add_nodes(&mut nodes, &mut triangles, 0);
         }
-        blockers
+        Self { triangles, nodes, rounding }
     }
 
     pub fn len(&self) -> usize {
@@ -84,26 +88,6 @@ impl Blockers {
 
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
-    }
-
-    fn add_node(&mut self, start: usize, end: usize) {
-        let part = &mut self.triangles[start..end];
-        let corners = || part.iter().flat_map(|triangle| triangle.corners);
-        let (low, high) =
-            corners().fold(([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]), |b, p| (low(b.0, p), high(b.1, p)));
-        let at = self.nodes.len();
-        self.nodes.push(Node { low, high, start: start as u32, end: end as u32, second: 0 });
-        if part.len() <= LEAF {
-            return;
-        }
-        let size = sub(high, low);
-        let axis = (0..3).fold(0, |best, i| if size[i] > size[best] { i } else { best });
-        let middle = part.len() / 2;
-        let key = |t: &Triangle| t.corners[0][axis] + t.corners[1][axis] + t.corners[2][axis];
-        part.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)));
-        self.add_node(start, start + middle);
-        self.nodes[at].second = self.nodes.len() as u32;
-        self.add_node(start + middle, end);
     }
 
     /// Whether no triangle is in the way between any point of the one box and any of the other.
@@ -119,7 +103,7 @@ impl Blockers {
                 continue;
             }
             if node.second != 0 {
-                open.extend([node.second as usize, n + 1]);
+                open.extend([n + node.second as usize, n + 1]);
             } else {
                 let triangles = &self.triangles[node.start as usize..node.end as usize];
                 if triangles.iter().any(|triangle| shaft.may_hit(triangle, self.rounding)) {
@@ -145,6 +129,32 @@ impl Triangle {
         let leading = self.normal.into_iter().find(|x| x.abs() > 1e-6).unwrap_or(1.0).signum();
         let [x, y, z] = self.normal.map(|x| (leading * x * 1e6).round() as i64);
         [x, y, z, (leading * self.offset / rounding.max(f64::MIN_POSITIVE)).round() as i64]
+    }
+}
+
+/// Adds the nodes of some triangles, the first of which is number `start`, and brings them into their order.
+fn add_nodes(nodes: &mut Vec<Node>, part: &mut [Triangle], start: usize) {
+    let corners = part.iter().flat_map(|triangle| triangle.corners);
+    let (low, high) = corners.fold(([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]), |b, p| (low(b.0, p), high(b.1, p)));
+    let (at, count) = (nodes.len(), part.len());
+    nodes.push(Node { low, high, start: start as u32, end: (start + count) as u32, second: 0 });
+    if count <= LEAF {
+        return;
+    }
+    let size = sub(high, low);
+    let axis = (0..3).fold(0, |best, i| if size[i] > size[best] { i } else { best });
+    let key = |t: &Triangle| t.corners[0][axis] + t.corners[1][axis] + t.corners[2][axis];
+    part.select_nth_unstable_by(count / 2, |a, b| key(a).total_cmp(&key(b)));
+    let (first, second) = part.split_at_mut(count / 2);
+    let mut behind = Vec::new();
+    if count > MANY {
+        rayon::join(|| add_nodes(nodes, first, start), || add_nodes(&mut behind, second, start + count / 2));
+        nodes[at].second = (nodes.len() - at) as u32;
+        nodes.append(&mut behind);
+    } else {
+        add_nodes(nodes, first, start);
+        nodes[at].second = (nodes.len() - at) as u32;
+        add_nodes(nodes, second, start + count / 2);
     }
 }
 

@@ -30,8 +30,9 @@ def finite_rows(name: str, values: ArrayLike) -> NDArray[np.float64]:
         array = array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:
         raise Error(f"{name}: expected shape (N, 3), got {array.shape}")
-    wrong = np.flatnonzero(~np.isfinite(array).all(axis=1))
-    if len(wrong):
+    # Short rows are slow to look at one by one.
+    if not np.isfinite(array).all():
+        wrong = np.flatnonzero(~np.isfinite(array).all(axis=1))
         raise Error(f"{name}: row {wrong[0]} is {array[wrong[0]].tolist()}")
     return array
 
@@ -40,9 +41,30 @@ def unit_rows(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """(N, 3) directions, made unit length."""
     array = finite_rows(name, values)
     # Scaling first keeps the squares of very large and very small components in range.
-    largest = np.abs(array).max(axis=1, keepdims=True, initial=0.0)
-    zero = np.flatnonzero(largest[:, 0] == 0)
+    scale = largest(np.abs(array))
+    zero = np.flatnonzero(scale == 0)
     if len(zero):
         raise Error(f"{name}: row {zero[0]} has no direction")
-    array /= largest
-    return array / np.linalg.norm(array, axis=1, keepdims=True)
+    array /= scale[:, None]
+    return array / lengths(array)[:, None]
+
+
+def lengths(vectors: NDArray[np.floating]) -> NDArray[np.floating]:
+    """(...) of vectors (..., 3)."""
+    return np.sqrt(np.einsum("...i,...i", vectors, vectors))
+
+
+def largest(values: NDArray[np.floating]) -> NDArray[np.floating]:
+    """(N,) of each row (N, K) of few numbers, one by one of which numpy is slow."""
+    return np.maximum.reduce(list(values.T))
+
+
+def centroids(triangles: NDArray[np.floating]) -> NDArray[np.floating]:
+    """(T, 3) of triangles (T, 3, 3)."""
+    return (triangles[:, 0] + triangles[:, 1] + triangles[:, 2]) / 3
+
+
+def bounds(triangles: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """(3,) each: the lowest and the highest coordinates of triangles (T, 3, 3)."""
+    rows = triangles.reshape(-1, 9)
+    return rows.min(axis=0).reshape(3, 3).min(axis=0), rows.max(axis=0).reshape(3, 3).max(axis=0)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import bounds
 from .medium import signed_volume
 from .particles import Particles
 from .visibility import Occlusion
@@ -87,7 +88,7 @@ def is_closed(shares: Shares) -> bool:
 
 def is_watertight(triangles: NDArray[np.float64]) -> bool:
     """Whether the fronts of triangles (T, 3, 3) look into a space without any opening: each edge has two sides."""
-    low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
+    low, high = bounds(triangles)
     triangles = triangles - (low + high) / 2
     steps = np.rint(triangles / (SAME_CORNER * (high - low).max())).astype(np.int64)
     _, corner = np.unique(steps.reshape(-1, 3), axis=0, return_inverse=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import finite_rows, unit_rows
+from .arrays import finite_rows, lengths, unit_rows
 from .errors import Error
 
 #: How far an output point is stepped from its vertex towards the middle of a triangle, as a share of the way.
@@ -15,6 +15,8 @@ STEP = 1e-3
 SAME_NORMAL = 1e-4
 #: Triangles whose centres lie closer than this to the tangent plane, as a share of their distance, count as flat.
 FLAT = 1e-3
+#: Odd numbers at random: whole numbers times these, added up, are one number for each row.
+_FACTORS = np.random.default_rng(0).integers(1 << 61, 1 << 62, 4) * 2 + 1
 
 
 @dataclass(frozen=True)
@@ -45,37 +47,50 @@ def output_points(
         raise Error("output_points: positions, normals, vertices and triangle_centres differ in length")
     if len(positions) == 0:
         return OutputPoints(positions, normals, np.zeros(0, np.int64))
-    keys = np.column_stack([vertices, np.rint(normals / SAME_NORMAL).astype(np.int64)])
-    inverse = _groups(keys)
+    groups = _Groups([vertices, *np.rint(normals / SAME_NORMAL).astype(np.int64).T])
+    inverse = groups.number
 
     steps = triangle_centres - positions
-    reach = np.linalg.norm(steps, axis=1)
+    reach = lengths(steps)
     # The corner whose triangle reaches farthest stands for its group: the least likely to be a sliver.
     # Rounding must not choose between equal ones.
-    by_reach = np.argsort(reach.astype(np.float32), kind="stable")
-    corner = np.zeros(inverse.max() + 1, np.int64)
-    corner[inverse[by_reach]] = by_reach
+    rounded = reach.astype(np.float32)
+    farthest = rounded == groups.of(np.maximum, rounded)[inverse]
+    corner = groups.of(np.maximum, np.where(farthest, np.arange(len(reach)), -1))
     directions = normals[corner]
-    heights = (steps * directions[inverse]).sum(axis=1)
-    height, bend = np.zeros(len(corner)), np.zeros(len(corner))
-    np.maximum.at(height, inverse, heights)
-    np.maximum.at(bend, inverse, np.abs(heights))
+    heights = np.einsum("ci,ci->c", steps, directions[inverse])
+    height, bend = np.maximum(groups.of(np.maximum, heights), 0.0), groups.of(np.maximum, np.abs(heights))
 
-    mean = np.stack([np.bincount(inverse, steps[:, axis]) for axis in range(3)], axis=1)
-    mean /= np.bincount(inverse)[:, None]
+    mean = groups.of(np.add, steps) / np.bincount(inverse)[:, None]
     flat = bend < FLAT * reach[corner]
     step = np.where(flat[:, None], steps[corner], mean)
     step -= directions * (step * directions).sum(axis=1, keepdims=True)
     return OutputPoints(positions[corner] + STEP * (step + directions * height[:, None]), directions, inverse)
 
 
-def _groups(keys: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(C,) the same number, from 0 on, for rows (C, K) that are the same.
+class _Groups:
+    """Rows whose whole numbers are all the same, given by columns (C,).
 
-    As `np.unique` has it, which compares rows under the interpreter's lock and lets nothing else run meanwhile.
+    number (C,) that of each row's group, from 0 on, in the order of their first rows
     """
-    order = np.lexsort(keys.T[::-1])
-    ordered = keys[order]
-    found = np.zeros(len(keys), np.int64)
-    found[order] = np.concatenate([[0], np.cumsum((ordered[1:] != ordered[:-1]).any(axis=1))])
-    return found
+
+    def __init__(self, columns: list[NDArray[np.int64]]) -> None:
+        # One number tells rows apart and sorts faster: that two share one by chance is as good as impossible.
+        keys = sum(factor * column for factor, column in zip(_FACTORS, columns, strict=True))
+        self._order = np.argsort(keys)
+        ordered = keys[self._order]
+        new = np.concatenate([[True], ordered[1:] != ordered[:-1]])
+        self._starts = np.flatnonzero(new)
+        first = np.minimum.reduceat(self._order, self._starts)
+        leads = np.zeros(len(keys), bool)
+        leads[first] = True
+        self._number = (np.cumsum(leads) - 1)[first]
+        self.number = np.empty(len(keys), np.int64)
+        self.number[self._order] = np.repeat(self._number, np.diff(self._starts, append=len(keys)))
+
+    def of(self, reduce: np.ufunc, values: NDArray) -> NDArray:
+        """(G, ...) what is left of the values (C, ...) of each group."""
+        found = reduce.reduceat(values[self._order], self._starts)
+        left = np.empty_like(found)
+        left[self._number] = found
+        return left

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
-from .arrays import ROUNDING
+from .arrays import ROUNDING, centroids, largest, lengths
 from .quadrature import triangle_rule
 from .scene import Scene
 
@@ -223,12 +223,12 @@ class _Cut:
 
 def _normals(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    return cross / np.linalg.norm(cross, axis=1, keepdims=True)
+    return cross / lengths(cross)[:, None]
 
 
 def triangle_areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    return np.linalg.norm(cross, axis=1) / 2
+    return lengths(cross) / 2
 
 
 def _with_backs(cut: _Cut, back: NDArray[np.int64]) -> NDArray[np.uint32]:
@@ -253,16 +253,16 @@ def _grouped(scene: Scene, cut: _Cut, single: NDArray[np.bool_], wanted: float, 
     group = _binding.group(np.ascontiguousarray(scene.triangles[fine]), kinds, max(1, round(wanted * share)))
 
     areas = np.bincount(group, area)
-    centres = scene.triangles[fine].mean(axis=1)
+    centres = centroids(scene.triangles[fine])
     means = np.stack([np.bincount(group, area * centres[:, axis]) for axis in range(3)], axis=1) / areas[:, None]
-    off_centre = np.linalg.norm(centres - means[group], axis=1)
+    off_centre = lengths(centres - means[group])
     # The triangle nearest to the mean stands for its group, of those that are not inside another object if there are
     # any: what is inside is seen by nobody.
     several, inside = np.bincount(group)[group] > 1, np.zeros(len(fine), bool)
     inside[several] = buried(centres[several], _normals(scene.triangles[fine[several]]))
     order = np.lexsort([off_centre, inside, group])
     chosen = order[np.unique(group[order], return_index=True)[1]]
-    spread = np.linalg.norm(scene.triangles[fine] - centres[chosen][group][:, None], axis=2).max(axis=1)
+    spread = largest(lengths(scene.triangles[fine] - centres[chosen][group][:, None]))
     radii = np.zeros(len(areas))
     np.maximum.at(radii, group, spread)
 
@@ -317,14 +317,13 @@ def _cut(scene: Scene, limits: NDArray[np.float64], contacts: Contacts) -> _Cut:
         contact = below[large].T.ravel()
         todo, owner = bisect(todo[large], edge[large], fraction[large]), np.tile(owner[large], 2)
     patches = np.concatenate(patches)
-    centroids = patches.mean(axis=1, keepdims=True)
     triangle, areas = np.concatenate(owners), triangle_areas(patches)
     return _Cut(
         patches=patches,
         triangle=triangle,
         areas=areas,
         solid=areas if scene.opacity is None else areas * scene.opacity.mean[triangle],
-        radii=np.linalg.norm(patches - centroids, axis=2).max(axis=1),
+        radii=largest(lengths(patches - centroids(patches)[:, None])),
         whole=np.ones(len(patches), bool),
         edges=np.concatenate(edges_of_nodes),
         fractions=np.concatenate(fractions),
@@ -335,11 +334,11 @@ def _cut(scene: Scene, limits: NDArray[np.float64], contacts: Contacts) -> _Cut:
 def _edge_to_cut(triangles: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.int64]:
     """(T,) the longest edge of each triangle that is too large, -1 for one whose edges fit their limit (T,)."""
     edges = np.roll(triangles, -1, axis=1) - triangles
-    squared = (edges**2).sum(axis=2)
-    largest = squared.max(axis=1)
-    longest = (squared > (1 - ROUNDING) * largest[:, None]).argmax(axis=1)
-    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
-    large = (largest > (1 + ROUNDING) * limits**2) & (areas > limits**2 / SLIVER)
+    squared = np.einsum("tex,tex->te", edges, edges)
+    most = largest(squared)
+    longest = (squared > (1 - ROUNDING) * most[:, None]).argmax(axis=1)
+    areas = triangle_areas(triangles)
+    large = (most > (1 + ROUNDING) * limits**2) & (areas > limits**2 / SLIVER)
     return np.where(large, longest, -1)
 
 

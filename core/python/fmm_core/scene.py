@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _binding
-from .arrays import LARGEST, numbers
+from .arrays import LARGEST, bounds, largest, lengths, numbers
 from .errors import Error
 from .lights import Light, checked_lights
 from .medium import Volume, absorption, checked_volumes
@@ -213,10 +213,10 @@ class Scene:
 
     def _with_area(self, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
         edges = corners - np.roll(corners, 1, axis=1)
-        longest = np.sqrt((edges**2).sum(axis=2)).max(axis=1)
-        double_area = np.linalg.norm(np.cross(edges[:, 1], edges[:, 2]), axis=1)
+        longest = largest(lengths(edges))
+        double_area = lengths(np.cross(edges[:, 1], edges[:, 2]))
         # A height of 1e-12 of the longest edge or of the distance from the origin is rounding, not geometry.
-        height_floor = 1e-12 * np.maximum(longest, np.abs(corners).max(axis=(1, 2)))
+        height_floor = 1e-12 * np.maximum(longest, largest(np.abs(corners).reshape(-1, 9)))
         kept = double_area > longest * height_floor
         if not kept.any():
             raise Error(f"triangles: all {len(corners)} have no area")
@@ -321,7 +321,7 @@ def _check_finite(name: str, values: NDArray[np.float64]) -> None:
 
 
 def _bounds(triangles: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
+    low, high = bounds(triangles)
     return (low + high) / 2, float((high - low).max())
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
+from .arrays import largest, lengths
 from .kept import HIT_STEPS, KeptVisibility, Replaying
 from .opacity import Opacity, SeeThrough
 from .particles import Particles
@@ -78,9 +79,9 @@ class _Tracer:
         _commit(self._scene)
         self._corners = corners
         edges = np.roll(corners, -1, axis=1) - corners
-        twice = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+        twice = lengths(np.cross(edges[:, 0], edges[:, 1]))
         # `RIM` as a share of the least altitude.
-        self._rims = RIM * np.linalg.norm(edges, axis=2).max(axis=1) / np.maximum(twice, np.float32(1e-30))
+        self._rims = RIM * largest(lengths(edges)) / np.maximum(twice, np.float32(1e-30))
 
     def run(
         self,
