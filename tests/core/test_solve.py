@@ -167,6 +167,16 @@ def test_corners_with_one_vertex_and_one_normal_are_one_output_point():
     assert points.points[points.inverse[0]] == pytest.approx([0.0005, 0.0005, 0])
 
 
+def test_output_points_are_told_apart_by_vertex_and_normal_and_come_in_the_order_of_corners():
+    rng = np.random.default_rng(1)
+    vertices = rng.integers(-(1 << 40), 1 << 40, 50)[rng.integers(50, size=5000)]
+    normals = np.concatenate([np.eye(3), -np.eye(3)])[rng.integers(6, size=5000)]
+    out = fmm_core.output_points(rng.random((5000, 3)), normals, vertices, rng.random((5000, 3)))
+    rows = [(vertex, *normal) for vertex, normal in zip(vertices, normals, strict=True)]
+    number = {row: place for place, row in enumerate(dict.fromkeys(rows))}
+    assert out.inverse.tolist() == [number[row] for row in rows]
+
+
 def test_output_point_of_a_reentrant_fan_stays_on_its_own_faces():
     # Three quarters of a floor around a block's corner at the origin; the mean of the faces would lie in the block.
     centres = np.array([[-0.5, 0.5, 0], [-0.5, -0.5, 0], [0.5, -0.5, 0]])
