@@ -130,7 +130,8 @@ def exact_gather(solution: Solution, points: tuple[Array, Array]) -> Array:
 def many_rays(solution: Solution, points: Points) -> Array:
     """The same by very many rays over the hemisphere, which see what is left of a patch that another object cuts."""
     reference = Reference(solution.scene, solution._space.sums)
-    return reference.irradiance(*points, solution.radiosity, 0 * solution.radiosity, TRUTH_RAYS, 0)[0]
+    nothing = 0 * solution.radiosity
+    return reference.irradiance(*points, solution.radiosity, nothing, nothing, TRUTH_RAYS, 0)[0]
 
 
 def compare(

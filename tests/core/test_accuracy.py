@@ -51,6 +51,31 @@ def test_an_error_that_comes_with_the_radiosity_is_told_from_one_of_the_gather(e
     assert bright["measured_rms"] == pytest.approx(true, rel=0.3)
 
 
+def test_an_error_that_all_points_share_is_not_taken_for_noise(exact):
+    solution = solved(particles=6000, probes=0)
+    solution._radiosity, solution.radiosity = 1.01 * solution._radiosity, 1.01 * solution.radiosity
+    found, used = solution.irradiance(*POINTS), fmm_core.Settings(probes=100).begin()
+    true = np.linalg.norm(found - exact) / np.linalg.norm(exact)
+    assert 0.008 < true < 0.012
+    for seed in range(6):
+        order, solved_there = np.random.default_rng(seed).permutation(len(found)), solution._solved(PROBE_RAYS)
+        error = measure(found[order], POINTS[0][order], POINTS[1][order], solved_there, used, (0.0, 0.0))
+        assert true / 1.5 < error["measured_rms"] < 1.5 * true
+
+
+def test_light_in_corners_is_what_arrives_there_not_the_mean_over_patches():
+    # Next to a wall, of which half of what these points see is as near as a patch is wide.
+    along = np.linspace(0.05, 0.95, 40)
+    low, high = np.full(40, 1e-4), np.full(40, 1 - 1e-4)
+    points = np.concatenate([np.stack([0 * low, end, along], axis=1) for end in (low, high)])
+    normals = np.tile([1.0, 0.0, 0.0], (80, 1))
+    fine, coarse = (
+        solved(particles=count, probes=0).estimates(points, normals, 1024, 1_000_000).mean(axis=0)
+        for count in (60_000, 5000)
+    )
+    assert np.linalg.norm(coarse - fine) < 0.01 * np.linalg.norm(fine)
+
+
 def test_noise_of_the_judge_does_not_count(exact):
     error, _ = measured_and_true(exact, method="direct", particles=6000)
     assert error["low"] < 0.004
@@ -76,14 +101,26 @@ def test_shadows_left_out_count_as_error():
     assert without.report["error"]["measured_rms"] == pytest.approx(true, rel=0.5)
 
 
+def scatter(solution, place, normal):
+    """Standard deviation of the light that 256 rays find at one place, as a share of it."""
+    reference, nothing = Reference(solution.scene, solution._space.sums), np.zeros_like(solution.radiosity)
+    given = np.array([place]), np.array([normal]), solution.radiosity, nothing, nothing
+    found = [reference.irradiance(*given, 256, seed)[0, 0, 0] for seed in range(30)]
+    return np.std(found) / np.mean(found)
+
+
 def test_what_is_measured_near_a_lamp_is_as_even_as_elsewhere():
     solution = solved(particles=6000, quadrature=1, probes=0)
-    reference = Reference(solution.scene, solution._space.sums)
     # On the tall block, most of whose light comes from the lamp 0.4 above it.
-    place = np.array([[0.43, 0.79, 0.6]]), np.array([[0.0, 0.0, 1.0]])
-    nothing = np.zeros_like(solution.radiosity)
-    found = [reference.irradiance(*place, solution.radiosity, nothing, 256, seed)[0, 0, 0] for seed in range(30)]
-    assert np.std(found) < 0.008 * np.mean(found)
+    assert scatter(solution, [0.43, 0.79, 0.6], [0.0, 0.0, 1.0]) < 0.008
+
+
+def test_what_is_measured_by_one_of_many_lamps_is_as_even_as_elsewhere():
+    across, corners = np.linspace(0.1, 0.85, 4), 0.03 * np.array([[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]])
+    lamps = [shapes.quad(*(corners + [x, y, 0.98])) for x in across for y in across]
+    emission = np.append(np.zeros(12), np.full(2 * len(lamps), 100.0))
+    solution = solved(fmm_core.Scene(np.concatenate([shapes.room(), *lamps]), 0.5, emission), probes=0)
+    assert scatter(solution, [0.0, 0.11, 0.93], [1.0, 0.0, 0.0]) < 0.01
 
 
 def test_rays_that_measure_are_counted_apart_and_can_be_left_out():

@@ -110,16 +110,18 @@ def test_light_that_a_judge_follows_further_loses_what_all_ways_take(places, mon
     room, albedo = shapes.subdivided_room(4), 0.6
     scene = fmm_core.Scene(room, albedo, 1.0, medium=MEDIUM)
     space = fmm_core.solve(scene, fmm_core.Settings(method="direct", particles=len(room), probes=0))._space
+    monkeypatch.setattr(reference, "NEAR", np.inf)
+    monkeypatch.setattr(reference, "PLACES", 0)
     judge, particles = Reference(scene, space.sums), space.sums.particles
-    monkeypatch.setattr(reference, "PLACES", places)
-    shining = np.ones((len(particles), 3))
-    reflected, last = 0 * shining, shining
+    shining, nothing = np.ones((len(particles), 3)), np.zeros((len(particles), 3))
+    reflected, last = nothing, shining
     for _ in range(places):
-        last = albedo * judge.irradiance(particles.positions, particles.normals, last, 0 * shining, 256, 0)[0]
-        reflected += last
+        last = albedo * judge.irradiance(particles.positions, particles.normals, last, nothing, nothing, 256, 0)[0]
+        reflected = reflected + last
     at = np.full((1, 3), 0.5) * [1, 1, 0], np.array([[0, 0, 1.0]])
-    told = judge.irradiance(*at, shining, reflected, 20_000, 1)[1]
-    found = judge.irradiance(*at, shining, 0 * shining, 20_000, 2, direct=0 * shining)[1]
+    told = judge.irradiance(*at, shining, reflected, nothing, 20_000, 1)[1]
+    monkeypatch.setattr(reference, "PLACES", places)
+    found = judge.irradiance(*at, shining, nothing, nothing, 20_000, 2)[1]
     assert found == pytest.approx(told, rel=0.02)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from . import _binding
 from .multipole import MultipoleSpace
 from .progress import Tick, silent
-from .reference import PLACES, Reference
+from .reference import Reference
 from .scene import Scene
 from .settings import Settings
 from .threads import threads
@@ -20,22 +20,18 @@ from .transport import Operator, Space
 Points = NDArray[np.float64]
 
 #: Rays of each kind from a probe, and from all particles together, in each of two independent estimates.
-PROBE_RAYS, PARTICLE_RAYS = 512, 400_000
-#: The latter where rays from probes go on, which then tell nearly all.
-FEW_RAYS = 25_000
+PROBE_RAYS, PARTICLE_RAYS = 1024, 320_000
 #: What measuring aims to take, as a share of the other seconds of a bake, so that it takes no more than a quarter where
 #: rays are slow; with less than this share of all rays it says nothing.
-SHARE, LEAST_EFFORT = 0.2, 0.25
+SHARE, LEAST_EFFORT = 0.2, 0.22
 #: The target that all rays are for; others need more or less, up to so many times as many.
-USUAL_TARGET, MOST_EFFORT = 0.01, 4.0
+USUAL_TARGET, MOST_EFFORT = 0.005, 1.5
 #: Seconds of a ray, with all that is done for it, on one core: it need not be exact.
-RAY_SECONDS = 8e-7
+RAY_SECONDS = 1.1e-6
 #: Applications of the exchange after which an error of the radiosity goes on as a geometric series.
-STEPS = 4
+STEPS = 2
 #: Standard deviation of the product of both estimates' noise over all probes, as a share of their squared difference.
 COMMON = 0.15
-#: Patches from which on they are so small that their mean radiosity is all that counts.
-FEW_PATCHES = 4000
 #: Samples of the probes that tell how far chance goes, and the share of them that the range holds.
 RESAMPLES, CONFIDENCE = 1000, 0.95
 
@@ -80,36 +76,29 @@ def measure(
     """
     rng = np.random.default_rng(0)
     chosen = np.sort(rng.choice(len(found), size=min(settings.probes, len(found)), replace=False))
-    # What is found of few patches takes rays that go on.
-    few = len(solved.space.sums.particles.areas) < FEW_PATCHES
-    ways, samples = len(chosen) * (1 + PLACES * few), FEW_RAYS if few else PARTICLE_RAYS
     target = settings.target_error
-    effort = _effort(ways, samples, *seconds) if target is None else _target_effort(target)
-    rays, samples = round(effort**0.5 * PROBE_RAYS), round(effort * samples)
+    effort = _effort(len(chosen), *seconds) if target is None else _target_effort(target)
+    rays, samples = round(effort * PROBE_RAYS), round(effort * PARTICLE_RAYS)
     gathered, further, traced = estimates(points[chosen], normals[chosen], solved, rays, samples, tick)
     whole = gathered + further
     errors = found[chosen] - whole
     scale = (whole[0] * whole[1]).sum(axis=1).mean()
     scale = scale if scale > 0 else 1.0
-    of_gather = np.prod(found[chosen] - gathered, axis=0).sum(axis=1) / scale
-    of_radiosity = np.prod(errors, axis=0).sum(axis=1) / scale - of_gather
-    # What the estimate of the radiosity's error is off by is much the same at all probes, but where their rays go on.
-    noise = 0.0 if few else COMMON * ((further[0] - further[1]) ** 2).sum(axis=1).mean() / scale
+    of_gather = np.prod(found[chosen] - gathered, axis=0).sum(axis=1).mean() / scale
+    squared = np.prod(errors, axis=0).sum(axis=1) / scale
+    # What the estimate of the radiosity's error is off by is much the same at all probes.
+    noise = COMMON * ((further[0] - further[1]) ** 2).sum(axis=1).mean() / scale
     picked = rng.integers(0, len(chosen), (RESAMPLES, len(chosen)))
-    part = of_radiosity[picked].mean(axis=1) + rng.normal(0.0, noise, RESAMPLES)
-    # The part that is noise if anything: it counts as far as it stands out.
-    certain = max(0.0, 1.0 - 2.0 * part.var() / max(of_radiosity.mean() ** 2, np.finfo(float).tiny))
-    # And it makes nothing better: less than no error is noise.
-    resampled = of_gather[picked].mean(axis=1) + np.maximum(part, 0.0)
+    resampled = squared[picked].mean(axis=1) + rng.normal(0.0, noise, RESAMPLES)
     low, high = np.quantile(resampled, (0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2))
-    squared = of_gather.mean() + certain * of_radiosity.mean()
+    measured = _root(squared.mean())
     multipole = isinstance(solved.space, MultipoleSpace)
     return {
-        "measured_rms": _root(squared),
-        "low": min(_root(low), _root(squared)),
-        "high": max(_root(high), _root(squared)),
+        "measured_rms": measured,
+        "low": min(_root(low), measured),
+        "high": max(_root(high), measured),
         "measured_max": float(np.linalg.norm(errors.mean(axis=0), axis=1).max() / np.sqrt(scale)),
-        "gathered": _root(of_gather.mean()),
+        "gathered": _root(of_gather),
         "probes": len(chosen),
         "rays": traced,
         "bound": nearest_bound(settings.truncation, settings.separation) if multipole else None,
@@ -125,15 +114,13 @@ def estimates(
     particles = solved.space.sums.particles
     reference, albedo = Reference(solved.scene, solved.space.sums), particles.of_triangles(solved.scene.albedo)
     lamps, each = solved.lamps(points, normals), max(1, round(samples / len(particles.areas)))
-    # Few patches are large: what varies over one of them is seen from near by. It is also what makes the noise.
-    direct = solved.direct if len(particles.areas) < FEW_PATCHES else None
     gathered, further = [], []
     for half in (0, 1):
         residual = reference.residual(solved.radiosity, each, half) + albedo * solved.direct
         tick(0.5 * half + 0.2)
         missing = residual if solved.exchange is None else propagated(solved.exchange, albedo, residual)
         tick(0.5 * half + 0.3)
-        found = reference.irradiance(points, normals, solved.radiosity, missing, rays, 2 + half, direct)
+        found = reference.irradiance(points, normals, solved.radiosity, missing, solved.direct, rays, 2 + half)
         gathered.append(found[0] + lamps)
         further.append(found[1])
         tick(0.5 * half + 0.5)
@@ -156,19 +143,14 @@ def propagated(exchange: Operator, albedo: Points, residual: Points) -> Points:
 
 def _target_effort(target: float) -> float:
     """Share of all rays with which an error is measured that decides over the settings."""
-    return float(np.clip(USUAL_TARGET / target, LEAST_EFFORT, MOST_EFFORT))
+    return float(np.clip((USUAL_TARGET / target) ** 0.5, LEAST_EFFORT, MOST_EFFORT))
 
 
-def _effort(ways: int, samples: int, baked: float, application: float) -> float:
-    """Share of all rays that measuring can afford, with so many ways from probes and from the places they come to, and
-    so many rays from all particles.
-    """
+def _effort(probes: int, baked: float, application: float) -> float:
+    """Share of all rays that measuring so many probes can afford."""
     left = SHARE * baked - 2 * STEPS * application
     rays = max(0.0, left * threads() / RAY_SECONDS / 4)
-    # Of a share e there are root(e) of the rays from probes, and e of those from particles.
-    of_probes = PROBE_RAYS * ways
-    root = (np.sqrt(of_probes**2 + 4 * samples * rays) - of_probes) / (2 * samples)
-    return float(np.clip(root**2, LEAST_EFFORT, 1.0))
+    return float(np.clip(rays / (PROBE_RAYS * probes + PARTICLE_RAYS), LEAST_EFFORT, 1.0))
 
 
 def _root(squared: float) -> float:

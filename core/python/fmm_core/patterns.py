@@ -10,6 +10,8 @@ Points = NDArray[np.float64]
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 #: From one point to the next, of the sides of a square (Roberts' R2 sequence).
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
+#: The same of the sides of a cube.
+R3 = np.array([0.8191725133961645, 0.6710436067037893, 0.5497004779019703])
 
 
 def shifts(rows: NDArray[np.int64]) -> Points:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .emitters import Emitters
+from .emitters import Choice, Emitters
 from .medium import left
 from .particles import NO_PATCH, Particles
-from .patterns import GOLDEN
+from .patterns import R3, around, disc
 from .scene import Scene
 from .transport import Sums
 from .visibility import Met
@@ -17,9 +17,12 @@ from .visibility import Met
 Points = NDArray[np.float64]
 
 #: Rays that are traced together.
-RAYS_PER_BLOCK = 16_384
-#: Places that a ray comes to, one after the other, where it is to find what leaves them.
-PLACES = 2
+RAYS_PER_BLOCK = 24_576
+#: Light varies over patches that are nearer than so many of their radii: a ray that meets one goes on from the very
+#: place, up to so many times.
+NEAR, PLACES = 2.0, 3
+#: Emitters from which on all points choose alike, which takes less memory.
+MOST_CHOSEN = 4096
 
 
 class Reference:
@@ -36,6 +39,8 @@ class Reference:
         self._occlusion, self._surface = sums.apart(scene)
         self._places = _Places.of(scene, sums.particles)
         self._emitters, self._medium = Emitters(scene, sums.particles, by_place=True), sums.medium
+        self._anywhere = self._emitters.anywhere() if len(self._emitters) else None
+        self._near = self._particles.of_points((NEAR * self._particles.radii) ** 2)
 
     @property
     def rays(self) -> int:
@@ -47,54 +52,79 @@ class Reference:
         normals: Points,
         radiosity: Points,
         missing: Points,
+        direct: Points,
         rays: int,
         seed: int,
-        direct: Points | None = None,
     ) -> Points:
         """(2, M, 3) W/m^2 at points with normals (M, 3), by so many rays of each kind for each point: from the
-        radiosity (N, 3) of the particles, and from what that lacks (N, 3). Another seed: an independent estimate.
+        radiosity (N, 3) of the particles, and from what that lacks. Another seed: an independent estimate.
 
-        direct   (N, 3) irradiance of the particles from lamps and sky, or None. If it is given, each ray goes on to
-        find what leaves the very places that it comes to, where particles only know the mean over their patches.
+        missing   (N, 3) what the radiosity lacks on average over each patch; rays that meet near ones go on to find
+        what leaves the very places that they come to
+        direct    (N, 3) irradiance of the particles from lamps and sky
         """
         found = np.empty((2, len(points), 3))
         both = np.hstack([radiosity, missing])
 
         def block(rows: slice) -> int:
             rng = np.random.default_rng([seed, rows.start])
-            of_rays = (np.repeat(values[rows], rays, axis=0) for values in (points, normals))
-            received, met, passed, traced = self._received(*of_rays, *_evenly(normals[rows], rays, rng), both, rng)
-            if direct is not None:
-                more, rays_on = self._further(met, passed, both, direct, rng)
-                received[:, 3:] += more
-                traced += rays_on
+            starts, across = (np.repeat(values[rows], rays, axis=0) for values in (points, normals))
+            owners = np.repeat(np.arange(rows.stop - rows.start), rays)
+            choice, choice_on = self._choices(points[rows], normals[rows])
+            directions, at = _evenly(normals[rows], rays, rng)
+            received, met, passed, traced = self._received(starts, across, directions, at, both, rng, choice, owners)
+            more, rays_on = self._further(starts, met, passed, both, direct, rng, choice_on, owners)
+            received[:, 3:] += more
             received = received.reshape(-1, rays, 6).mean(axis=1)
             found[:, rows] = received[:, :3], received[:, 3:]
-            return traced
+            return traced + rays_on
 
         self._occlusion.run_blocks(block, len(points), RAYS_PER_BLOCK // rays)
         return found
 
+    def _choices(self, points: Points, normals: Points) -> tuple[Choice | None, Choice | None]:
+        """How points with normals (M, 3) choose emitters, and places near them."""
+        if not 0 < len(self._emitters) <= MOST_CHOSEN:
+            return self._anywhere, self._anywhere
+        return self._emitters.around(points, normals)
+
     def _further(
-        self, met: Met, passed: Points, both: Points, direct: Points, rng: np.random.Generator
+        self,
+        starts: Points,
+        met: Met,
+        passed: Points,
+        both: Points,
+        direct: Points,
+        rng: np.random.Generator,
+        choice: Choice | None,
+        owners: NDArray[np.int64],
     ) -> tuple[Points, int]:
-        """By how much more arrives (K, 3) from the places that rays have met than both say of the particles there, and
-        the number of rays traced; of what leaves a place, passed (K, 3) arrives.
+        """By how much more arrives (K, 3) at the starts (K, 3) of rays, from near places that they have met, than both
+        say of the particles there, and the number of rays traced; of what leaves a place, passed (K, 3) arrives.
+        Emitters are chosen as owners (K,) of the rays do.
         """
         scene, particles = self._scene, self._particles
         more, rows, traced = np.zeros_like(passed), np.arange(len(passed)), 0
         for _ in range(PLACES):
-            hit = np.flatnonzero(met.particles >= 0)
+            between = met.positions - starts
+            hit = np.flatnonzero((met.particles >= 0) & (_dot(between, between) < self._near[met.particles]))
+            if len(hit) == 0:
+                break
             rows, passed, chosen = rows[hit], passed[hit], met.particles[hit]
-            places = met.positions[hit], met.normals[hit]
+            starts, normals = met.positions[hit], met.normals[hit]
             # Of two triangles at one place the one that the particle is on.
             whole = particles.whole[chosen // particles.per_patch]
-            owners = np.where(whole, particles.triangle[chosen], met.triangles[hit])
+            triangles = np.where(whole, particles.triangle[chosen], met.triangles[hit])
             known = both[chosen, :3] + both[chosen, 3:]
-            received, met, there, rays = self._received(*places, *_evenly(places[1], 1, rng), both, rng)
+            # What follows each other comes from one point mostly.
+            upwards, turns, at = ((rng.random(3) + np.arange(len(hit))[:, None] * R3) % 1.0).T
+            directions = around(normals, np.sqrt(1 - upwards)[:, None], 2 * np.pi * turns[:, None])[:, 0]
+            received, met, there, rays = self._received(
+                starts, normals, directions, at, both, rng, choice, owners[rows]
+            )
             irradiance = received[:, :3] + received[:, 3:] + direct[chosen]
-            more[rows] += passed * (scene.emission[owners] + scene.albedo[owners] * irradiance - known)
-            passed = passed * scene.albedo[owners] * there
+            more[rows] += passed * (scene.emission[triangles] + scene.albedo[triangles] * irradiance - known)
+            passed = passed * scene.albedo[triangles] * there
             traced += rays
         return more, traced
 
@@ -109,7 +139,9 @@ class Reference:
             rng = np.random.default_rng([seed, rows.start])
             triangles, points, normals = self._places.random(rows, samples, rng)
             directions, at = _evenly(normals[::samples], samples, rng)
-            received, _, _, traced = self._received(points, normals, directions, at, radiosity, rng)
+            received, _, _, traced = self._received(
+                points, normals, directions, at, radiosity, rng, self._anywhere, np.arange(len(points))
+            )
             sent = scene.emission[triangles] + scene.albedo[triangles] * received
             of_patches[rows] = sent.reshape(-1, samples, 3).mean(axis=1)
             return traced
@@ -128,12 +160,15 @@ class Reference:
         at: Points,
         radiosity: Points,
         rng: np.random.Generator,
+        choice: Choice | None,
+        rows: NDArray[np.int64],
     ) -> tuple[Points, Met, Points, int]:
         """One sample (K, 3 k) of what each point receives, what its ray meets, what is left (K, 3) of the light from
         there, and the number of rays traced.
 
-        directions (K, 3) even by cosine; at (K,) even in [0, 1), chooses among the emitters; radiosity (N, 3 k), of
-        which the first three columns have the emission of the scene, and others none.
+        directions (K, 3) even by cosine; at (K,) even in [0, 1), chooses among the emitters as rows (K,) of the choice
+        have it, or all alike where that has one row; radiosity (N, 3 k), of which the first three columns have the
+        emission of the scene, and others none.
         """
         scene, particles = self._scene, self._particles
         met = self._occlusion.met(points, normals, directions, self._surface)
@@ -144,14 +179,17 @@ class Reference:
             received *= np.tile(passed, radiosity.shape[1] // 3)
         if len(self._emitters) == 0:
             return received, met, passed, len(points)
+        if len(choice.density) == 1:
+            rows = np.zeros_like(rows)
         lit = np.flatnonzero(self._emitters.density[met.particles] > 0)
-        share = self._share(points[lit], normals[lit], met.positions[lit], met.normals[lit], met.particles[lit])
+        density = choice.density[rows[lit], self._emitters.number[met.particles[lit]]]
+        share = _share(points[lit], normals[lit], met.positions[lit], met.normals[lit], density)
         received[lit, :3] -= (1 - share)[:, None] * passed[lit] * scene.emission[particles.triangle[met.particles[lit]]]
 
-        number = np.minimum(np.searchsorted(self._emitters.cumulative, at), len(self._emitters) - 1)
+        number = choice.emitters(rows, at)
         patch = self._emitters.patches[number]
         ends, chosen = _random_points(particles.patches[patch], rng), patch * particles.per_patch
-        share = self._share(points, normals, ends, particles.normals[chosen], chosen)
+        share = _share(points, normals, ends, particles.normals[chosen], choice.density[rows, number])
         asked = np.flatnonzero(share > 0)
         seen = asked[self._occlusion.sees(points[asked], normals[asked], ends[asked], particles.normals[chosen[asked]])]
         triangles = particles.triangle[chosen[seen]]
@@ -168,17 +206,6 @@ class Reference:
         between = ends - points
         distances = np.maximum(np.linalg.norm(between, axis=1), np.finfo(float).tiny)
         return left(self._medium, points, between / distances[:, None], distances)
-
-    def _share(
-        self, points: Points, normals: Points, ends: Points, end_normals: Points, particles: NDArray[np.int64]
-    ) -> Points:
-        """(K,) how likely a ray even by cosine is to go to an end, as a share of that and of choosing it at random."""
-        between = ends - points
-        squared = np.maximum(_dot(between, between), np.finfo(float).tiny)
-        here = np.maximum(_dot(between, normals), 0.0)
-        there = np.maximum(-_dot(between, end_normals), 0.0)
-        by_ray = here * there / (np.pi * squared)
-        return by_ray / (by_ray + self._emitters.density[particles] * squared)
 
 
 @dataclass(frozen=True)
@@ -238,6 +265,18 @@ class _Places:
         return triangles, _random_points(corners, rng), normals
 
 
+def _share(points: Points, normals: Points, ends: Points, end_normals: Points, density: Points) -> Points:
+    """(K,) how likely a ray even by cosine is to go to an end, as a share of that and of choosing it at random with a
+    density (K,) per area.
+    """
+    between = ends - points
+    squared = np.maximum(_dot(between, between), np.finfo(float).tiny)
+    here = np.maximum(_dot(between, normals), 0.0)
+    there = np.maximum(-_dot(between, end_normals), 0.0)
+    by_ray = here * there / (np.pi * squared)
+    return by_ray / (by_ray + density * squared)
+
+
 def _dot(a: Points, b: Points) -> Points:
     """(K,) of rows (K, 3)."""
     return np.einsum("kx,kx->k", a, b)
@@ -252,15 +291,8 @@ def _random_points(triangles: Points, rng: np.random.Generator) -> Points:
 
 def _evenly(normals: Points, count: int, rng: np.random.Generator) -> tuple[Points, Points]:
     """Directions (M * count, 3) about unit normals (M, 3), even by cosine along Vogel's spiral, and as many numbers
-    even in [0, 1), in random order.
+    even in [0, 1), in order.
     """
-    shift, turn = rng.random((2, len(normals), 1))
-    k = np.arange(count)
-    u, angle = ((k + shift) / count)[..., None], 2 * np.pi * (GOLDEN * k + turn)[..., None]
-    axis = np.where(np.abs(normals[:, :1]) > 0.6, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
-    s = np.cross(normals, axis)
-    s = (s / np.linalg.norm(s, axis=1, keepdims=True))[:, None]
-    n = normals[:, None]
-    directions = np.sqrt(u) * (np.cos(angle) * s + np.sin(angle) * np.cross(n, s)) + np.sqrt(1 - u) * n
-    order = rng.permuted(np.tile(k, (len(normals), 1)), axis=1)
-    return directions.reshape(-1, 3), ((order + rng.random(order.shape)) / count).ravel()
+    squares, angles = np.moveaxis(disc(count, rng.random((len(normals), 2))), 2, 0)
+    numbers = (np.arange(count) + rng.random((len(normals), count))) / count
+    return around(normals, np.sqrt(1 - squares), angles).reshape(-1, 3), numbers.ravel()
