@@ -67,7 +67,8 @@ def measure(
     seconds: those of the bake so far, and those of one application of the exchange. Returns
 
     measured_rms   relative L2 error over the probes, with the noise of what they are judged by taken out
-    low, high      where it lies in 95 of 100 cases; low is 0 where it is too small to be told from noise
+    low, high      where it lies in 95 of 100 cases, fewer where few points have most of it; low is 0 where it is too
+                   small to be told from noise
     measured_max   largest error of a probe, relative to their RMS irradiance, noise included
     gathered       the part of the error that the last gather has; the rest comes with the radiosity
     probes, rays   how many there were, and what measuring took
