@@ -34,7 +34,7 @@ pub struct Contacts {
 
 /// Cuts each triangle where other meshes meet it; meshes are what is joined by corners at the same places.
 pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
-    let meshes = connected(triangles, &vec![0; triangles.len()]);
+    let meshes = connected(triangles);
     let corners = || triangles.iter().flatten().copied();
     let (least, most) = (corners().fold([f64::INFINITY; 3], low), corners().fold([f64::NEG_INFINITY; 3], high));
     let size = sub(most, least).into_iter().fold(0.0, f64::max);

@@ -15,34 +15,61 @@ type Place = [u64; 3];
 /// Boxes that differ by less than this share of the scene are the same.
 const ROUNDING: f64 = 1e-6;
 
-/// The mesh that each triangle belongs to, by its first triangle: triangles of one mesh are of one key and joined by corners
-/// at exactly the same places.
-pub(crate) fn connected(triangles: &[[Vector; 3]], keys: &[u64]) -> Vec<u32> {
-    meshes(&corners(triangles, keys))
+/// The mesh that each triangle belongs to, by its first triangle: those of one mesh are joined by corners at exactly the same
+/// places.
+pub(crate) fn connected(triangles: &[[Vector; 3]]) -> Vec<u32> {
+    meshes(&corners(triangles))
 }
 
 /// The same from the numbers of their corners.
-fn meshes(corners: &[[u32; 3]]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..corners.len() as u32).collect();
+pub(crate) fn meshes(corners: &[[u32; 3]]) -> Vec<u32> {
+    let mut sets = Sets::new(corners.len());
     let mut first = vec![u32::MAX; corners.as_flattened().iter().max().map_or(0, |&most| most as usize + 1)];
     for (triangle, i) in corners.iter().zip(0..) {
         for &corner in triangle {
             let other = std::mem::replace(&mut first[corner as usize], i).min(i);
-            let (a, b) = (root(&mut parent, i), root(&mut parent, other));
-            parent[a.max(b) as usize] = a.min(b);
+            sets.join(i, other);
         }
     }
-    (0..corners.len() as u32).map(|i| root(&mut parent, i)).collect()
+    sets.firsts()
 }
 
-/// Numbers of the corners of triangles: the same where the place and the key are.
-fn corners(triangles: &[[Vector; 3]], keys: &[u64]) -> Vec<[u32; 3]> {
+/// Numbers of the corners of triangles: the same where the place is.
+pub(crate) fn corners(triangles: &[[Vector; 3]]) -> Vec<[u32; 3]> {
     let mut known = FxHashMap::with_capacity_and_hasher(triangles.len(), FxBuildHasher);
-    let mut number = |corner, key| {
+    let mut number = |corner| {
         let next = known.len() as u32;
-        *known.entry((place(corner), key)).or_insert(next)
+        *known.entry(place(corner)).or_insert(next)
     };
-    triangles.iter().zip(keys).map(|([a, b, c], &key)| [number(a, key), number(b, key), number(c, key)]).collect()
+    triangles.iter().map(|[a, b, c]| [number(a), number(b), number(c)]).collect()
+}
+
+/// Numbers in sets that are joined bit by bit.
+pub(crate) struct Sets(Vec<u32>);
+
+impl Sets {
+    /// Each number in a set of its own.
+    pub fn new(count: usize) -> Self {
+        Self((0..count as u32).collect())
+    }
+
+    pub fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.first(a), self.first(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+
+    /// The first number of the set of each one.
+    pub fn firsts(mut self) -> Vec<u32> {
+        (0..self.0.len() as u32).map(|i| self.first(i)).collect()
+    }
+
+    fn first(&mut self, mut i: u32) -> u32 {
+        while self.0[i as usize] != i {
+            self.0[i as usize] = self.0[self.0[i as usize] as usize];
+            i = self.0[i as usize];
+        }
+        i
+    }
 }
 
 /// Finds triangles by their bounding boxes.
@@ -58,19 +85,11 @@ fn place(corner: &Vector) -> Place {
     corner.map(|x| (x + 0.0).to_bits())
 }
 
-fn root(parent: &mut [u32], mut i: u32) -> u32 {
-    while parent[i as usize] != i {
-        parent[i as usize] = parent[parent[i as usize] as usize];
-        i = parent[i as usize];
-    }
-    i
-}
-
 /// Whether everything is inside a mesh that has no opening and faces inwards, so that nothing comes in from outside.
 pub fn is_sealed(triangles: &[[Vector; 3]]) -> bool {
     let all = bounds(triangles.iter());
     let slack = ROUNDING * sub(all.1, all.0).into_iter().fold(0.0, f64::max);
-    let corners = corners(triangles, &vec![0; triangles.len()]);
+    let corners = corners(triangles);
     let mut parts: FxHashMap<u32, Vec<usize>> = FxHashMap::default();
     for (mesh, i) in meshes(&corners).into_iter().zip(0..) {
         parts.entry(mesh).or_default().push(i);
