@@ -94,6 +94,38 @@ def test_light_does_not_leak_through_a_wall(gap):
     assert dark.max() < 1e-6 * lit.min()
 
 
+@pytest.mark.parametrize("method", ["fmm", "direct"])
+def test_light_does_not_leak_between_turned_rooms_of_fine_meshes_that_share_corners(method):
+    # One mesh for all that looks at corners, finer than the particles; rays go through corners of the wall.
+    axes = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    axes *= np.sign(np.linalg.det(axes))
+    left = 2 * shapes.subdivided_room(12)
+    right, lamp = left + np.array([2.0, 0.0, 0.0]), LAMP * [0.3, 0.5, 0.0] + [0.5, 0.5, 1.9]
+    triangles = np.concatenate([left, right, lamp]) @ axes
+    emission = np.where(np.arange(len(triangles)) < 2 * len(left), 0.0, 10.0)
+    settings = fmm_core.Settings(particles=1500, method=method, probes=0)
+    solution = fmm_core.solve(fmm_core.Scene(triangles, 0.6, emission), settings)
+    lit = solution.irradiance(*shapes.random_points(left @ axes, 1))
+    dark = solution.irradiance(*shapes.random_points(right @ axes, 1))
+    assert dark.max() < 1e-6 * lit.mean()
+
+
+def test_a_strong_lamp_does_not_hide_a_weak_one_in_another_room():
+    rooms = np.concatenate([2 * shapes.room(), 2 * shapes.room() + [2.1, 0.0, 0.0]])
+    blocks = np.concatenate([block([2.6, 0.5, 0.0], [3.0, 0.9, 0.5]), block([3.2, 1.2, 0.0], [3.5, 1.5, 0.9])])
+    lamps = [0.1 * LAMP * [1.0, 1.0, 0.0] + [x, 0.9, 1.9] for x in (0.9, 3.0)]
+    triangles = np.concatenate([rooms, blocks, *lamps])
+    emission = np.zeros(len(triangles))
+    emission[-4:] = 1e4, 1e4, 2.0, 2.0
+    scene = fmm_core.Scene(triangles, 0.5, emission)
+    points = shapes.random_points(rooms[12:], 20)
+    solutions = [
+        fmm_core.solve(scene, fmm_core.Settings(particles=1500, method=m, probes=0)) for m in ("fmm", "direct")
+    ]
+    found, exact = (solution.irradiance(*points) for solution in solutions)
+    assert error(found, exact) < 0.01
+
+
 @pytest.mark.parametrize("cells", [1, 7])
 def test_rays_to_the_rim_of_a_wall_do_not_slip_into_the_room_behind(cells):
     room = shapes.subdivided_room(cells)
