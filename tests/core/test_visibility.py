@@ -113,7 +113,7 @@ def test_light_does_not_leak_between_turned_rooms_of_fine_meshes_that_share_corn
 def test_a_strong_lamp_does_not_hide_a_weak_one_in_another_room():
     rooms = np.concatenate([2 * shapes.room(), 2 * shapes.room() + [2.1, 0.0, 0.0]])
     blocks = np.concatenate([block([2.6, 0.5, 0.0], [3.0, 0.9, 0.5]), block([3.2, 1.2, 0.0], [3.5, 1.5, 0.9])])
-    lamps = [0.1 * LAMP * [1.0, 1.0, 0.0] + [x, 0.9, 1.9] for x in (0.9, 3.0)]
+    lamps = [LAMP / 3 * [1.0, 1.0, 0.0] + [x, 0.9, 1.9] for x in (0.9, 3.0)]
     triangles = np.concatenate([rooms, blocks, *lamps])
     emission = np.zeros(len(triangles))
     emission[-4:] = 1e4, 1e4, 2.0, 2.0
