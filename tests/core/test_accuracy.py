@@ -137,8 +137,9 @@ def test_rays_that_measure_are_counted_apart_and_can_be_left_out():
 
 # Seconds depend on what else the machine does, rays do not. With all that is done for them, one of a bake takes as long
 # as one that measures; benchmarks/measured_error.py has the seconds.
+# A slow machine pays for all rays of measuring, which are as many then.
 def test_measuring_takes_a_quarter_of_the_rays_of_a_bake_at_most():
-    solution = solved()
+    solution = solved(rays=300)
     solution.irradiance(*shapes.random_points(TWO_BLOCKS, 1100))
     assert solution.report["error"]["probes"] == 300
     assert 0 < solution.report["error"]["rays"] < 0.25 * solution.report["counts"]["rays"]

@@ -13,8 +13,7 @@ from .arrays import ROUNDING, centroids, largest, lengths
 from .quadrature import triangle_rule
 from .scene import Scene
 
-#: Share of the particles that goes to emitters, half of it by power, half by the area of strong ones; the rest follows
-#: area.
+#: Share of the particles that goes to emitters, by power, and again as many to weak lamps; the rest follows area.
 EMITTER_SHARE = 0.1
 #: Share of the area of a scene that weak lamps have together at most.
 LAMPS = 0.1
@@ -123,7 +122,7 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
     barycentric, shares = triangle_rule(degree)
     wanted = count / len(shares)
     contacts, emits = Contacts(*_binding.contacts(scene.triangles)), strong_emitters(scene)
-    cut = _cut(scene, _edge_limits(scene, wanted, emits), contacts)
+    cut = _cut(scene, _edge_limits(scene, wanted), contacts)
     if buried is not None and len(cut.patches) > 2 * wanted:
         cut = _grouped(scene, cut, emits | contacts.touched, wanted, buried)
     front, triangle = cut.patches, cut.triangle
@@ -165,22 +164,33 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
 
 
 def strong_emitters(scene: Scene) -> NDArray[np.bool_]:
-    """(T,) which triangles emit more than the mean over the scene: where all surfaces emit, none stands out; and those
-    on little of its area that emit much more than the mean over all that are no brighter, so that a strong lamp does
-    not hide a weak one.
+    """(T,) which triangles emit more than the mean over the scene: where all surfaces emit, none stands out; and weak
+    lamps, which a strong one hides from that.
     """
-    areas = triangle_areas(scene.triangles)
-    emission = scene.emission.sum(axis=1)
-    strong = emission > 1.5 * (emission * areas).sum() / areas.sum()
-    if (emission[~strong] == 0).all():
-        return strong
+    return _bright(scene) | _weak_lamps(scene)
+
+
+def _bright(scene: Scene) -> NDArray[np.bool_]:
+    areas, emission = triangle_areas(scene.triangles), scene.emission.sum(axis=1)
+    return emission > 1.5 * (emission * areas).sum() / areas.sum()
+
+
+def _weak_lamps(scene: Scene) -> NDArray[np.bool_]:
+    """(T,) which triangles are not bright and lie on little of the scene's area, but emit much more than the mean over
+    all that are no brighter.
+    """
+    bright, emission = _bright(scene), scene.emission.sum(axis=1)
+    found = np.zeros(len(emission), bool)
+    if (emission[~bright] == 0).all():
+        return found
     order = np.argsort(emission, kind="stable")
-    brightness, upto = emission[order], np.cumsum(areas[order])
+    brightness, areas = emission[order], triangle_areas(scene.triangles)[order]
     # Of equally bright ones all count, or none.
     before, last = (np.searchsorted(brightness, brightness, side=side) for side in ("left", "right"))
-    mean = np.cumsum((emission * areas)[order])[last - 1] / upto[last - 1]
-    strong[order] |= (brightness > 3 * mean) & (np.append(0.0, upto)[before] > (1 - LAMPS) * upto[-1])
-    return strong
+    upto = np.append(0.0, np.cumsum(areas))
+    mean = np.cumsum(brightness * areas)[last - 1] / upto[last]
+    found[order] = (brightness > 3 * mean) & (upto[before] > (1 - LAMPS) * upto[-1])
+    return found & ~bright
 
 
 def serve(particles: Particles, first: Scene, scene: Scene) -> bool:
@@ -301,15 +311,15 @@ def _grouped(scene: Scene, cut: _Cut, single: NDArray[np.bool_], wanted: float, 
     )
 
 
-def _edge_limits(scene: Scene, patch_count: float, strong: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """(T,) longest edge that a patch of each triangle may have, so that about `patch_count` patches come out;
-    strong (T,) as `strong_emitters` has it.
+def _edge_limits(scene: Scene, patch_count: float) -> NDArray[np.float64]:
+    """(T,) longest edge that a patch of each triangle may have, so that about `patch_count` patches come out, more of
+    them where there are weak lamps.
     """
     areas = triangle_areas(scene.triangles)
-    power, lamps = areas * scene.emission.sum(axis=1), areas * strong
-    # A weak lamp has shadows of its own, beside a strong one too.
-    of_emitters = [values / (values.sum() or 1.0) for values in (power, lamps if strong.any() else power)]
-    share = (1 - EMITTER_SHARE) * areas / areas.sum() + EMITTER_SHARE * (of_emitters[0] + of_emitters[1]) / 2
+    power, weak = areas * scene.emission.sum(axis=1), areas * _weak_lamps(scene)
+    share = (1 - EMITTER_SHARE) * areas / areas.sum()
+    # A weak lamp has shadows of its own, which its power pays for no patches.
+    share += EMITTER_SHARE * (power / (power.sum() or 1.0) + weak / (weak.sum() or 1.0))
     # A right isosceles triangle of longest edge h has the area h^2 / 4; bisection makes them half as large on average.
     return np.sqrt(4 * 1.5 * areas / (share * patch_count))
 
