@@ -18,8 +18,9 @@ const MANY: usize = 16;
 const STEPS: usize = 12;
 
 /// The group of each triangle, numbered from 0 in order of first appearance: in one cell of a grid, of similar normals, of one
-/// kind (T,), and joined by edges from which nothing rises: the floors on both sides of a wall are apart. The grid is about the finest that makes no more than `count` groups, but
-/// never coarser than a share of each mesh.
+/// kind (T,), and joined by edges from which nothing rises: the floors on both sides of a wall are apart. The grid is about
+/// the finest that makes no more than `count` groups, but never coarser than a share of each mesh; what is not joined makes a
+/// few groups more.
 pub fn group(triangles: &[[[f64; 3]; 3]], kinds: &[u32], count: usize) -> Result<Vec<u32>, Error> {
     same_length("kinds", triangles.len(), kinds.len())?;
     let corners = corners(triangles);
