@@ -31,6 +31,7 @@ def test_light_is_linear_in_emission_and_colours_do_not_mix():
     shift=st.tuples(*[st.floats(-10, 10)] * 3),
     scale=st.floats(1e-2, 1e2),
 )
+@example(axis=(0.0, 0.0, 1.0), angle=5e-324, shift=(0.0, 0.0, 0.0), scale=1.0)
 @example(axis=(1.0, 0.0, 0.0), angle=3.5, shift=(0.0, 0.0, 0.0), scale=1.0)
 def test_result_is_the_same_after_moving_turning_and_scaling_the_scene(axis, angle, shift, scale):
     block = shapes.room((0.4, 0.3, 0.2))[:, ::-1] + [0.35, 0.35, 0.2]

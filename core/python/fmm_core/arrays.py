@@ -13,14 +13,17 @@ LARGEST = 1e60
 
 
 def numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """A C-contiguous float64 copy; raises `Error` on anything that is not real numbers."""
+    """A C-contiguous float64 copy, subnormal numbers being 0; raises `Error` on anything that is not real numbers."""
     try:
         array = np.array(values)
         if array.dtype.kind not in "biuf":
             raise TypeError(f"got {array.dtype}")
     except (TypeError, ValueError) as error:
         raise Error(f"{name}: expected numbers, {error}") from None
-    return np.array(array, dtype=np.float64, order="C")
+    found = np.array(array, dtype=np.float64, order="C")
+    # One divided by what is even smaller is infinite.
+    found[np.abs(found) < np.finfo(float).tiny] = 0.0
+    return found
 
 
 def finite_rows(name: str, values: ArrayLike) -> NDArray[np.float64]:
