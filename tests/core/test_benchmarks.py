@@ -85,17 +85,16 @@ def test_shipped_scenes_can_be_read():
 
 
 @pytest.mark.slow
-def test_the_measured_error_of_300_probes_is_the_true_one_on_ten_scenes_and_flatters_none(tmp_path):
+def test_the_measured_error_is_the_true_one_in_all_scenes_and_takes_a_quarter_of_a_bake(tmp_path):
     table = tmp_path / "table.json"
     done = run_whole("measured_error", "--json", table, timeout=3000)
     assert done.returncode == 0, done.stderr
     rows = json.loads(table.read_text())
-    assert {row["probes"] for row in rows} == {300}
-    assert all(row["true"] > 0 for row in rows)
-    scene = {row["name"]: row["name"].split(",")[0] for row in rows}
-    harsh = {row["name"]: row["ratio"] for row in rows if row["ratio"] > 1.5}
-    assert {row["name"]: row["ratio"] for row in rows if row["ratio"] < 1 / 1.5} == {}
-    assert len(set(scene.values()) - {scene[name] for name in harsh}) >= 10, harsh
+    assert all(300 <= row["probes"] <= 1000 and row["true"] > 0 for row in rows)
+    assert len({row["name"].split(",")[0] for row in rows}) >= 10
+    assert {row["name"]: row["ratio"] for row in rows if not 1 / 1.5 < row["ratio"] < 1.5} == {}
+    # A bake of a third of a second is not worth a measurement that says nothing.
+    assert {row["name"]: row["share"] for row in rows if row["share"] > 0.25 and row["seconds"] > 1} == {}
 
 
 def test_measured_and_true_error_are_compared(tmp_path):
@@ -103,5 +102,6 @@ def test_measured_and_true_error_are_compared(tmp_path):
     done = run("measured_error", "--json", table)
     assert done.returncode == 0, done.stderr
     (row,) = json.loads(table.read_text())
+    assert row["judged"] == 4000
     assert 0 < row["low"] <= row["measured_rms"] <= row["high"]
     assert row["ratio"] == pytest.approx(row["measured_rms"] / row["true"])

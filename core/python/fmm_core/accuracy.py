@@ -14,20 +14,23 @@ from .progress import Tick, silent
 from .reference import Reference
 from .scene import Scene
 from .settings import Settings
-from .threads import threads
 from .transport import Operator, Space
 
 Points = NDArray[np.float64]
 
-#: Rays of each kind from a probe, and from all particles together, in each of two independent estimates.
+#: Rays of each kind from a probe, and from all particles together, in each of two independent estimates, where an
+#: error decides over the settings: all that there are for `USUAL_TARGET`, and for others a share of them from the least
+#: to the most effort.
 PROBE_RAYS, PARTICLE_RAYS = 1024, 320_000
-#: What measuring aims to take, as a share of the other seconds of a bake, so that it takes no more than a quarter where
-#: rays are slow; with less than this share of all rays it says nothing.
-SHARE, LEAST_EFFORT = 0.2, 0.22
-#: The target that all rays are for; others need more or less, up to so many times as many.
-USUAL_TARGET, MOST_EFFORT = 0.005, 1.5
-#: Seconds of a ray, with all that is done for it, on one core: it need not be exact.
-RAY_SECONDS = 1.1e-6
+USUAL_TARGET, LEAST_EFFORT, MOST_EFFORT = 0.005, 0.22, 1.5
+#: What measuring aims to take elsewhere, as a share of the other seconds of a bake, so that it takes no more than a
+#: quarter where rays are slow; least and most rays of each kind that one estimate has, and their share from the probes.
+SHARE, LEAST_RAYS, MOST_RAYS, FROM_PROBES = 0.18, 80_000, 640_000, 2 / 3
+#: Seconds of a ray, with all that is done for it, which threads hardly share, and rays that one of each kind are in the
+#: end, as some go on: neither need be exact.
+RAY_SECONDS, FOLLOWED = 0.45e-6, 2.5
+#: Rays of a probe that tell enough: where there are more, probes are more, and elsewhere fewer, down to so many.
+ENOUGH, FEWEST = 256, 300
 #: Applications of the exchange after which an error of the radiosity goes on as a geometric series.
 STEPS = 2
 #: Standard deviation of the product of both estimates' noise over all probes, as a share of their squared difference.
@@ -76,10 +79,8 @@ def measure(
                    expansions, relative to the largest irradiance that the source box can send there
     """
     rng = np.random.default_rng(0)
-    chosen = np.sort(rng.choice(len(found), size=min(settings.probes, len(found)), replace=False))
-    target = settings.target_error
-    effort = _effort(len(chosen), *seconds) if target is None else _target_effort(target)
-    rays, samples = round(effort * PROBE_RAYS), round(effort * PARTICLE_RAYS)
+    probes, rays, samples = _plan(min(settings.probes, len(found)), settings.target_error, *seconds)
+    chosen = np.sort(rng.choice(len(found), size=probes, replace=False))
     gathered, further, traced = estimates(points[chosen], normals[chosen], solved, rays, samples, tick)
     whole = gathered + further
     errors = found[chosen] - whole
@@ -142,16 +143,16 @@ def propagated(exchange: Operator, albedo: Points, residual: Points) -> Points:
     return total + term * ratio / (1 - ratio)
 
 
-def _target_effort(target: float) -> float:
-    """Share of all rays with which an error is measured that decides over the settings."""
-    return float(np.clip((USUAL_TARGET / target) ** 0.5, LEAST_EFFORT, MOST_EFFORT))
-
-
-def _effort(probes: int, baked: float, application: float) -> float:
-    """Share of all rays that measuring so many probes can afford."""
+def _plan(most: int, target: float | None, baked: float, application: float) -> tuple[int, int, int]:
+    """How many probes, at most so many, rays of each kind for each, and rays from all particles."""
+    if target is not None:
+        effort = float(np.clip((USUAL_TARGET / target) ** 0.5, LEAST_EFFORT, MOST_EFFORT))
+        return most, round(effort * PROBE_RAYS), round(effort * PARTICLE_RAYS)
     left = SHARE * baked - 2 * STEPS * application
-    rays = max(0.0, left * threads() / RAY_SECONDS / 4)
-    return float(np.clip(rays / (PROBE_RAYS * probes + PARTICLE_RAYS), LEAST_EFFORT, 1.0))
+    rays = float(np.clip(left / (2 * FOLLOWED * RAY_SECONDS), LEAST_RAYS, MOST_RAYS))
+    asked = FROM_PROBES * rays
+    probes = min(most, max(FEWEST, round(asked / ENOUGH)))
+    return probes, round(asked / probes), round(rays - asked)
 
 
 def _root(squared: float) -> float:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What an error is measured against: light found by random rays, noisy, but right on the average."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +17,8 @@ from .visibility import Met
 
 Points = NDArray[np.float64]
 
-#: Rays that are traced together.
-RAYS_PER_BLOCK = 24_576
+#: Rays that are traced together at most; there are as many for each of so many threads.
+RAYS_PER_BLOCK, SHARED = 24_576, 2
 #: Light varies over patches that are nearer than so many of their radii: a ray that meets one goes on from the very
 #: place, up to so many times.
 NEAR, PLACES = 2.0, 3
@@ -79,7 +80,7 @@ class Reference:
             found[:, rows] = received[:, :3], received[:, 3:]
             return traced + rays_on
 
-        self._occlusion.run_blocks(block, len(points), RAYS_PER_BLOCK // rays)
+        self._occlusion.run_blocks(block, len(points), _block(len(points), rays))
         return found
 
     def _choices(self, points: Points, normals: Points) -> tuple[Choice | None, Choice | None]:
@@ -146,7 +147,7 @@ class Reference:
             of_patches[rows] = sent.reshape(-1, samples, 3).mean(axis=1)
             return traced
 
-        self._occlusion.run_blocks(block, len(of_patches), RAYS_PER_BLOCK // samples)
+        self._occlusion.run_blocks(block, len(of_patches), _block(len(of_patches), samples))
         shares = particles.weights.reshape(-1, particles.per_patch)
         shares = shares / shares.sum(axis=1, keepdims=True)
         of_patches -= (shares[:, :, None] * radiosity.reshape(-1, particles.per_patch, 3)).sum(axis=1)
@@ -263,6 +264,12 @@ class _Places:
             # Normals of one group lie within a right angle.
             normals[groups] = flat * np.sign((flat * normals[groups]).sum(axis=1, keepdims=True))
         return triangles, _random_points(corners, rng), normals
+
+
+def _block(count: int, rays: int) -> int:
+    """Of `count` points with so many rays each, how many are taken together: the same on all machines."""
+    blocks = SHARED * math.ceil(count * rays / (SHARED * RAYS_PER_BLOCK))
+    return max(1, math.ceil(count / max(1, blocks)))
 
 
 def _share(points: Points, normals: Points, ends: Points, end_normals: Points, density: Points) -> Points:

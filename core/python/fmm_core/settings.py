@@ -19,8 +19,8 @@ MAX_COMPRESSED = 8
 VISIBILITIES = ("rays", "cells")
 #: Order of the expansions and rays of a receiver where the settings leave them open.
 TRUNCATION, RAYS = 4, 200
-#: Random points that tell the error, and those where a target error depends on it.
-PROBES, TARGET_PROBES = 300, 1000
+#: Random points that tell the error, at most.
+PROBES = 1000
 #: The error of the default rays in rooms of all kinds, and the power of the rays by which errors fall.
 USUAL_ERROR, POWER = 0.006, 2 / 3
 #: Least and most rays that a target error asks for, and truncations for targets from so large on.
@@ -62,7 +62,8 @@ class Settings:
     max_iterations  and at the latest after this many applications of the operator
     effects         which of `EFFECTS` to simulate whatever the scene says, True, or to leave out, False, by name;
                     without occlusion all that is in front of the horizon is seen, as it is in a convex room
-    probes          random points whose irradiance is also summed directly, to measure the error; 0 for none
+    probes          random points whose irradiance is also found by rays, to measure the error: so many where the bake
+                    takes long enough, and no fewer than 300 of them elsewhere; 0 for none
     """
 
     truncation: int | None = None
@@ -94,7 +95,7 @@ class Settings:
         if self.target_error is not None:
             truncation = next(p for least, p in TRUNCATIONS if self.target_error >= least)
             rays = round(RAYS * (USUAL_ERROR / self.target_error) ** (1 / POWER))
-            rays, probes = min(MOST_RAYS, max(LEAST_RAYS, rays)), max(probes, TARGET_PROBES)
+            rays, probes = min(MOST_RAYS, max(LEAST_RAYS, rays)), max(probes, PROBES)
         return replace(
             self,
             truncation=truncation if self.truncation is None else self.truncation,
