@@ -46,14 +46,14 @@ class Night:
 
 
 class Frames:
-    """Bakes frame after frame of a scene: `reading` and `take` in the main thread, `compute` in any.
+    """Bakes frame after frame of a scene, by its name: `reading` and `take` in the main thread, `compute` in any.
 
     Where only lights and colours change from a frame to the next, its visibility is used again. Frames without light
     are black, unless all are.
     """
 
-    def __init__(self, numbers: Sequence[int]) -> None:
-        self._numbers = numbers
+    def __init__(self, numbers: Sequence[int], scene: str) -> None:
+        self._numbers, self._scene = numbers, scene
         self._done: list[Frame] = []
         self._dark: Dark | None = None
         self._session = Session()
@@ -69,9 +69,11 @@ class Frames:
     def reading(self, context: bpy.types.Context, **output: object) -> bake.Reading:
         """Go to the next frame and read it in steps, output as in `bake.reading`."""
         number = self._numbers[len(self._done)]
-        context.scene.frame_set(number)
-        name = f"{context.scene.fmm_radiosity.attribute_name} {number:04d}"
         with self._named():
+            if context.scene.name != self._scene:
+                raise fmm_core.Error(f"the window no longer shows scene '{self._scene}'")
+            context.scene.frame_set(number)
+            name = f"{context.scene.fmm_radiosity.attribute_name} {number:04d}"
             return (yield from bake.reading(context, name=name, **output))
 
     def compute(self, data: bake.Input, settings: fmm_core.Settings, progress: Progress | None) -> bake.Result | Night:
@@ -182,7 +184,7 @@ def solve(
 
     output as in `bake.read`. Raises as `bake.bake`.
     """
-    scene, frames = context.scene, Frames(numbers)
+    scene, frames = context.scene, Frames(numbers, context.scene.name)
     frame, subframe = scene.frame_current, scene.frame_subframe
     try:
         while frames.unfinished():

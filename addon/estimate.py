@@ -80,10 +80,10 @@ def predict(vertices: int, settings: fmm_core.Settings, fitted: bool, pace: floa
     return Cost(vertices, round(rays), seconds, round(memory))
 
 
-def learn(report: dict, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
+def learn(report: dict, expected: Cost) -> None:
     """Let the time that a bake took, as its report has it, tell how fast this machine is."""
     if report["counts"]["rays"]:
-        session.pace *= report["seconds"]["total"] / of_scene(scene, layer).seconds
+        session.pace *= report["seconds"]["total"] / expected.seconds
 
 
 def spoken(seconds: float) -> str:

@@ -19,6 +19,7 @@ from ..operators.show import FMM_RADIOSITY_OT_show
 from ..operators.show_report import FMM_RADIOSITY_OT_show_report
 from ..operators.study import FMM_RADIOSITY_OT_study
 from ..operators.subdivide import FMM_RADIOSITY_OT_subdivide
+from ..operators.threaded import stop
 from . import command_line, live, panels, preferences, properties, translations
 from .session import session
 
@@ -65,6 +66,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Undo `register`, the last step first."""
+    stop()
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     bpy.app.handlers.load_pre.remove(_forget)

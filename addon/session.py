@@ -34,8 +34,8 @@ class Running:
         return not self.cancelled
 
     def seconds_left(self) -> float | None:
-        """Seconds that the rest takes if it goes on as it did so far, None where that cannot be told yet."""
-        if self.fraction < _FIRST_FRACTION:
+        """Seconds that the rest takes if it goes on as it did so far, None where that cannot be told."""
+        if not _FIRST_FRACTION <= self.fraction < 1:
             return None
         return (time.monotonic() - self.began) * (1 - self.fraction) / self.fraction
 

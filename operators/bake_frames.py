@@ -22,13 +22,13 @@ class FMM_RADIOSITY_OT_bake_frames(Threaded, bpy.types.Operator):
     bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
 
     _frames: animation.Frames | None = None
-    _shown: tuple[int, float] | None = None
+    _shown: tuple[str, int, float] | None = None
 
     def reading(self, context: bpy.types.Context) -> bake.Reading:
         """Read the first frame."""
         scene = context.scene
-        self._shown = scene.frame_current, scene.frame_subframe
-        self._frames = animation.Frames(properties.frames_of(scene))
+        self._shown = scene.name, scene.frame_current, scene.frame_subframe
+        self._frames = animation.Frames(properties.frames_of(scene), scene.name)
         return self._frames.reading(context)
 
     def solve(
@@ -49,5 +49,8 @@ class FMM_RADIOSITY_OT_bake_frames(Threaded, bpy.types.Operator):
     def end(self, context: bpy.types.Context) -> None:
         """Go back to the frame that was shown, and let go of what was solved."""
         if self._shown is not None:
-            context.scene.frame_set(self._shown[0], subframe=self._shown[1])
+            name, frame, subframe = self._shown
+            scene = context.blend_data.scenes.get((name, None))
+            if scene is not None:
+                scene.frame_set(frame, subframe=subframe)
         self._shown = self._frames = None

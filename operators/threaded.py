@@ -17,6 +17,14 @@ from ..addon.session import Running, session
 
 #: Seconds between two looks at the thread, and of reading at a time; both are the same in single precision.
 LOOK, MOMENT = 1 / 8, 1 / 32
+#: The operator that waits for its thread, if there is one.
+_under_way: list[Threaded] = []
+
+
+def stop() -> None:
+    """End what is under way: Blender does not tell an operator that its class is about to go."""
+    for operator in tuple(_under_way):
+        operator.cancel(bpy.context)
 
 
 class ReadsScene:
@@ -44,9 +52,11 @@ class Threaded(ReadsScene):
     _future: Future | None = None
     _running: Running | None = None
     _settings: fmm_core.Settings | None = None
+    _expected: estimate.Cost | None = None
 
     def reading(self, context: bpy.types.Context) -> bake.Reading:
         """Read what is to be solved."""
+        self._expected = estimate.of_scene(context.scene, context.view_layer)
         return bake.reading(context, context.scene.fmm_radiosity.keep_visibility)
 
     def solve(self, data: bake.Input, settings: fmm_core.Settings, progress: bake.Progress | None) -> bake.Result:
@@ -60,7 +70,7 @@ class Threaded(ReadsScene):
     def write(self, context: bpy.types.Context, result: bake.Result) -> dict:
         """Write the last result; returns the report."""
         report = bake.write(result)
-        estimate.learn(report, context.scene, context.view_layer)
+        estimate.learn(report, self._expected)
         return report
 
     def end(self, context: bpy.types.Context) -> None:
@@ -88,36 +98,43 @@ class Threaded(ReadsScene):
         except bake.FAILURES as error:
             return self._fail(context, error)
         session.running = self._running
+        _under_way.append(self)
         context.window_manager.modal_handler_add(self)
         _show(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Read on, or watch the thread."""
-        if event.type == "ESC" and event.value == "PRESS":
-            self._stop(context)
-            return self._fail(context, fmm_core.Cancelled())
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
         try:
-            result = None
-            if self._reading is None:
-                if not self._future.done():
-                    _show(context)
-                    return {"PASS_THROUGH"}
-                result = self._future.result()
-                self._reading = self.following(context, result)
-            if self._reading is not None:
-                self._read_on(context)
+            if event.type == "ESC" and event.value == "PRESS":
+                raise fmm_core.Cancelled
+            result = self._look(context) if event.type == "TIMER" else None
+            if result is None:
                 return {"PASS_THROUGH"}
-        except bake.FAILURES as error:
             self._stop(context)
-            return self._fail(context, error)
-        self._stop(context)
-        try:
             return self.succeed(context, result)
         except bake.FAILURES as error:
+            self._stop(context)
             return self._fail(context, error)
+        except BaseException:
+            # Blender lets go of an operator with a mistake in it, and calls nothing of it any more.
+            self.cancel(context)
+            raise
+
+    def _look(self, context: bpy.types.Context) -> object | None:
+        """The last result, once it is there and can be written."""
+        if self._reading is None:
+            if not self._future.done() or context.mode != "OBJECT":
+                if self._future.done():
+                    self._running.progress(1.0, "Switch to Object Mode first")
+                _show(context)
+                return None
+            result = self._future.result()
+            self._reading = self.following(context, result)
+            if self._reading is None:
+                return result
+        self._read_on(context)
+        return None
 
     def _read_on(self, context: bpy.types.Context) -> None:
         """Read for a moment; once all is read let the thread solve it."""
@@ -144,6 +161,8 @@ class Threaded(ReadsScene):
         """Let go of the thread: where it still runs, it ends by itself at the next step and its work is dropped."""
         self._running.cancelled = True
         session.running = None
+        if self in _under_way:
+            _under_way.remove(self)
         self._wake(context, None)
         context.workspace.status_text_set(None)
         _redraw(context)
