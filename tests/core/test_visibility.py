@@ -188,6 +188,24 @@ def test_relight_traces_no_ray_and_equals_a_fresh_solve(points, method):
     assert first.report["counts"]["rays"] > 0
 
 
+def test_light_that_is_only_brighter_is_not_exchanged_again(points):
+    second = np.where(np.arange(len(TWO_BLOCKS)) // 2 == 2, 1.0, 0.0)
+    scene = fmm_core.Scene(TWO_BLOCKS, ALBEDO, EMISSION + second)
+    first, shot = (
+        fmm_core.solve(scene, fmm_core.Settings(particles=2000, probes=0, iteration=iteration))
+        for iteration in ("krylov", "shooting")
+    )
+    for factor in (3.0, np.array([1.0, 2.0, 0.5])):
+        brighter = first.relight(emission=factor * scene.emission)
+        assert len(brighter.report["residuals"]) == 1
+        assert brighter.irradiance(*points) == pytest.approx(factor * first.irradiance(*points), rel=1e-6, abs=1e-9)
+    # Other light: shooting always begins in the dark.
+    for emission in (EMISSION + 1.001 * second, EMISSION + 1.5 * second, second, EMISSION[:, None] * [0.0, 1.0, 1.0]):
+        relit, expected = first.relight(emission=emission), shot.relight(emission=emission)
+        assert relit.irradiance(*points) == pytest.approx(expected.irradiance(*points), rel=2e-4, abs=1e-9)
+        assert len(relit.report["residuals"]) > 3
+
+
 def test_relight_refuses_what_a_scene_refuses():
     solution = fmm_core.solve(fmm_core.Scene(shapes.room(), 0.5, 1.0), fmm_core.Settings(particles=100))
     with pytest.raises(fmm_core.Error, match="emission: expected shape"):

@@ -42,8 +42,10 @@ class Exchange:
         self._lit = self._receivers()
         return True
 
-    def radiosity(self, scene: Scene, report: Report, progress: Progress | None) -> NDArray[np.float64]:
-        """Radiosity (N, 3) of the particles, W/m^2."""
+    def radiosity(
+        self, scene: Scene, report: Report, progress: Progress | None, start: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Radiosity (N, C) of the particles, W/m^2; start: (N, 3) that under other lights, where there is one."""
         particles = self.space.sums.particles
         if not scene.albedo.any():
             report.counts["channels"] = 3
@@ -54,7 +56,7 @@ class Exchange:
             direct = self.direct(scene, ticker(progress, 0.7, 0.8, LIGHTING))
         with report.time("transport"):
             tick = ticker(progress, 0.8, 1.0, "Exchanging light")
-            return iterate(self.operator, scene, particles, direct, self._settings, report, tick)
+            return iterate(self.operator, scene, particles, direct, self._settings, report, tick, start)
 
     def received(self, scene: Scene, radiosity: NDArray[np.float64], report: Report) -> NDArray[np.float64]:
         """Irradiance (N, 3) of the particles for their radiosity (N, C), lamps and sky, W/m^2."""

@@ -132,6 +132,7 @@ def test_another_scene_in_the_window_changes_no_expected_time(fmm, begun):
     scene, layer = bpy.context.scene, bpy.context.view_layer
     bpy.context.window.scene = bpy.data.scenes.new("Other")
     assert bake.go_on() == {"FINISHED"}
+    bpy.context.window.scene = scene
     total = fmm.session.session.report["seconds"]["total"]
     assert fmm.estimate.of_scene(scene, layer).seconds == pytest.approx(total)
 
