@@ -169,7 +169,10 @@ def _mesh_of(receiver: Receiver, output: Output) -> bpy.types.Mesh:
     for name in output.names:
         taken = mesh.attributes.get(name)
         if taken is not None and name not in mesh.color_attributes:
-            raise Error(f"mesh '{receiver.mesh}' has an attribute '{name}' of type {taken.data_type}: rename it")
+            raise Error(
+                f"mesh '{receiver.mesh}' has an attribute '{name}' of type {taken.data_type} for each "
+                f"{taken.domain}: rename it"
+            )
         if owner is not None and name in owner.vertex_groups:
             raise Error(f"object '{receiver.object}' has a vertex group '{name}': rename it")
     return mesh

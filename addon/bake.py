@@ -81,8 +81,8 @@ def reading(context: bpy.types.Context, keep: bool = False, **output: object) ->
         kept = preferences.kept_file(Path(blend), KEPT_SUFFIX)
     elif keep:
         warnings = ("visibility is not kept: save the .blend first, the file goes beside it",)
-    limit, settings = preferences.memory_limit(), properties.settings_of(context.scene)
-    memory.check(estimate.predict(scene.vertex_count, settings, output.colours == "FIT").memory_mib, limit)
+    count, limit, settings = scene.vertex_count, preferences.memory_limit(), properties.settings_of(context.scene)
+    memory.check(estimate.predict(count, count, settings, output.colours == "FIT").memory_mib, limit)
     seconds, painting, going = time.perf_counter() - start, scene.painting(), True
     while going:
         yield
@@ -103,7 +103,9 @@ def report_of(result: Result, seconds_write: float = 0.0) -> dict:
     """The report of a bake: that of its solve, and what was done around it."""
     report = dict(result.solution.report)
     seconds = dict(report["seconds"], export=result.seconds_export, write=seconds_write)
-    seconds["total"] = sum(value for phase, value in seconds.items() if phase != "total")
+    seconds["total"] = result.seconds_export + result.seconds_solve + seconds_write
+    # Between the phases, light becomes colours.
+    seconds["evaluate"] += seconds["total"] - sum(value for phase, value in seconds.items() if phase != "total")
     report["seconds"] = seconds
     report["warnings"] = [*result.arrays.warnings, *report["warnings"], *result.warnings]
     return report

@@ -55,21 +55,22 @@ def of_scene(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> Cost:
     from . import properties
 
     fitted = properties.output_of(scene).colours == "FIT"
-    return predict(export.count_vertices(layer), properties.settings_of(scene), fitted, session.pace)
+    counts = export.count_vertices(layer, scene.fmm_radiosity.scope)
+    return predict(*counts, properties.settings_of(scene), fitted, session.pace)
 
 
-def predict(vertices: int, settings: fmm_core.Settings, fitted: bool, pace: float = 1.0) -> Cost:
-    """The expected cost for so many vertices; fitted: whether colours are; pace: how much longer bakes take here than
-    this model has it.
+def predict(vertices: int, coloured: int, settings: fmm_core.Settings, fitted: bool, pace: float = 1.0) -> Cost:
+    """The expected cost for so many vertices, of which so many get colours; fitted: whether these are; pace: how much
+    longer bakes take here than this model has it.
     """
     triangles, cores = 2 * vertices, os.cpu_count() or 1
     particles = settings.particles or _MADE * min(max(_PARTICLES[0], triangles), _PARTICLES[1])
-    samples = min(_SAMPLES * vertices, _MOST_SAMPLES) if fitted else _COLOURS * vertices
+    samples = min(_SAMPLES * coloured, _MOST_SAMPLES) if fitted else _COLOURS * coloured
     if settings.method != "fmm" and max(settings.particles or _PARTICLES[0], triangles) <= _FEW:
         # Half of all pairs face each other, and of two particles one asks for both.
         rays = particles * samples / 2 + particles**2 / 4
     else:
-        asked = _COLOURS * vertices * (_FIT_RAYS if fitted else 1) + _PARTICLE_SHARE * particles
+        asked = _COLOURS * coloured * (_FIT_RAYS if fitted else 1) + _PARTICLE_SHARE * particles
         rays = _RAYS_PER_PARTICLE * particles + _RAYS_PER_RAY * settings.begin().rays * asked
     ray = _RAY * (1 + _DOUBLED * max(0.0, math.log2(triangles / _TRIANGLES)) if triangles else 1)
     seconds = _LEAST_SECONDS + (ray * rays + _PARTICLE * particles + _SAMPLE * samples) / cores
@@ -77,7 +78,7 @@ def predict(vertices: int, settings: fmm_core.Settings, fitted: bool, pace: floa
         seconds += min(_MEASURING * seconds, _MOST_MEASURING / cores)
     seconds *= pace
     memory = _LEAST_MIB + (_KIB * vertices + _PARTICLE_KIB * (settings.particles or 0)) / 1024
-    return Cost(vertices, round(rays), seconds, round(memory))
+    return Cost(coloured, round(rays), seconds, round(memory))
 
 
 def learn(report: dict, expected: Cost) -> None:

@@ -52,9 +52,20 @@ def read(context: bpy.types.Context, scope: str, view: bool = False) -> Reading:
     return read_meshes(context.evaluated_depsgraph_get(), chosen, view)
 
 
-def count_vertices(layer: bpy.types.ViewLayer) -> int:
-    """How many vertices the visible meshes of a view layer have, without their modifiers."""
-    return sum(len(obj.data.vertices) for obj in layer.objects if obj.type == "MESH" and obj.visible_get())
+def count_vertices(layer: bpy.types.ViewLayer, scope: str) -> tuple[int, int]:
+    """How many vertices the meshes of a view layer have without their modifiers that a bake of this scope takes, and
+    how many of them get colours.
+    """
+    meshes = [obj for obj in layer.objects if obj.type == "MESH" and not obj.hide_render]
+    if scope == "SCENE":
+        shown = set(renderable(layer.layer_collection))
+        meshes = [obj for obj in meshes if obj.name in shown]
+    else:
+        meshes = [obj for obj in meshes if obj.visible_get()]
+    every = sum(len(obj.data.vertices) for obj in meshes)
+    if scope != "SELECTED":
+        return every, every
+    return every, sum(len(obj.data.vertices) for obj in meshes if obj.select_get())
 
 
 def read_scene(depsgraph: bpy.types.Depsgraph, chosen: set[str] | None = None, view: bool = False) -> Reading:

@@ -40,6 +40,8 @@ def read_light(obj: bpy.types.Object, matrix: np.ndarray) -> tuple[fmm_core.Ligh
         return None, ["has negative power, which is not simulated: left out"]
     if max(power) == 0:
         return None, []
+    if _extent(lamp, matrix) == 0:
+        return None, ["has a size or scale of 0: left out"]
     bounces = getattr(cycles, "max_bounces", _MANY_BOUNCES)
     if bounces < _MANY_BOUNCES:
         remarks.append(f"has a limit of {bounces} bounces, which is not simulated")
@@ -48,6 +50,19 @@ def read_light(obj: bpy.types.Object, matrix: np.ndarray) -> tuple[fmm_core.Ligh
         return _READERS[lamp.type](lamp, matrix, power), remarks
     except fmm_core.Error as error:
         raise fmm_core.Error(f"light '{obj.name}': {error}") from None
+
+
+def _extent(lamp: bpy.types.Light, matrix: np.ndarray) -> float:
+    """0 where an area lamp has no area, or where one that looks somewhere has lost its direction."""
+    if lamp.type == "POINT":
+        return 1.0
+    if lamp.type == "AREA":
+        return float(np.linalg.norm(np.cross(matrix[:3, 0], matrix[:3, 1])) * lamp.size * _height(lamp))
+    return float(np.linalg.norm(matrix[:3, 2]))
+
+
+def _height(lamp: bpy.types.AreaLight) -> float:
+    return lamp.size_y if lamp.shape in ("RECTANGLE", "ELLIPSE") else lamp.size
 
 
 def _power(lamp: bpy.types.Light) -> tuple[np.ndarray, list[str]]:
@@ -125,8 +140,7 @@ def _sun(lamp: bpy.types.SunLight, matrix: np.ndarray, power: np.ndarray) -> fmm
 
 def _area(lamp: bpy.types.AreaLight, matrix: np.ndarray, power: np.ndarray) -> fmm_core.AreaLight:
     ellipse = lamp.shape in ("DISK", "ELLIPSE")
-    height = lamp.size_y if lamp.shape in ("RECTANGLE", "ELLIPSE") else lamp.size
-    u, v = matrix[:3, 0] * lamp.size / 2, matrix[:3, 1] * height / 2
+    u, v = matrix[:3, 0] * lamp.size / 2, matrix[:3, 1] * _height(lamp) / 2
     normal = np.cross(u, v)
     # It shines down its own z axis, also where a negative scale has mirrored it.
     if normal @ matrix[:3, 2] > 0:

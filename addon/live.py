@@ -34,10 +34,13 @@ class _Follower:
 
     def turn(self) -> float | None:
         """One look, from Blender's timer; returns the seconds until the next one, None for the last."""
+        if self.future is None and self.reading is None and self.due is None:
+            return None
+        with _window():
+            if bpy.context.mode == "EDIT_MESH":
+                return QUIET
         if self.future is not None:
             return self._finish() if self.future.done() else LOOK
-        if self.reading is None and self.due is None:
-            return None
         if session.running is not None or (self.reading is None and time.monotonic() < self.due):
             return LOOK
         if session.solution is None:
@@ -46,7 +49,7 @@ class _Follower:
         try:
             return self._read_on()
         except bake.FAILURES as error:
-            session.problem, self.reading = bake.reason(error), None
+            session.problem = bake.reason(error)
             return self._rest()
 
     def _read_on(self) -> float:
@@ -56,10 +59,12 @@ class _Follower:
                 self.due, context = None, bpy.context
                 self.settings = properties.settings_of(context.scene)
                 self.reading = bake.reading(context, context.scene.fmm_radiosity.keep_visibility)
-            data = bake.read_on(self.reading, MOMENT)
+            # What fails is not gone on with.
+            reading, self.reading = self.reading, None
+            data = bake.read_on(reading, MOMENT)
         if data is None:
+            self.reading = reading
             return 0.0
-        self.reading = None
         self.future = session.submit(bake.compute, data, self.settings, None, session, False)
         return LOOK
 
@@ -88,6 +93,14 @@ def changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     _follower.due = time.monotonic() + QUIET
     if not bpy.app.timers.is_registered(_turn):
         bpy.app.timers.register(_turn, first_interval=QUIET)
+
+
+@bpy.app.handlers.persistent
+def moved(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Note that the light of another frame may be another; called by Blender after every change of the frame."""
+    # Bake Frames changes it by itself.
+    if session.running is None:
+        changed(scene, depsgraph)
 
 
 def _turn() -> float | None:
@@ -122,14 +135,19 @@ def _switch(manager: bpy.types.WindowManager, _context: bpy.types.Context) -> No
     stop()
     if manager.fmm_radiosity_live:
         bpy.app.handlers.depsgraph_update_post.append(changed)
+        bpy.app.handlers.frame_change_post.append(moved)
 
 
 def stop() -> None:
     """Follow no longer."""
     session.problem = None
     _follower.__init__()
-    if changed in bpy.app.handlers.depsgraph_update_post:
-        bpy.app.handlers.depsgraph_update_post.remove(changed)
+    for handlers, handler in (
+        (bpy.app.handlers.depsgraph_update_post, changed),
+        (bpy.app.handlers.frame_change_post, moved),
+    ):
+        if handler in handlers:
+            handlers.remove(handler)
     if bpy.app.timers.is_registered(_turn):
         bpy.app.timers.unregister(_turn)
 

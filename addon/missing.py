@@ -8,11 +8,14 @@ import sys
 
 import bpy
 
+from . import wrapped
+
 
 def reason() -> str | None:
     """Why the extension cannot run, in one line; None where it can."""
     try:
         import fmm_core  # noqa: F401
+        import PIL.Image  # noqa: F401
     except ImportError as error:
         return " ".join(str(error).split())
     return None
@@ -23,8 +26,7 @@ def lines() -> tuple[str, ...]:
     return (
         "FMM Radiosity cannot run here: its native part is missing.",
         f"This is {platform.system()} {platform.machine()}, Python {sys.version_info.major}.{sys.version_info.minor}.",
-        "Install the zip that was made for this system.",
-        f"({reason()})",
+        f"Install the zip that was made for this system ({reason()}).",
     )
 
 
@@ -36,10 +38,10 @@ class FMM_RADIOSITY_PT_missing(bpy.types.Panel):
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
 
-    def draw(self, _context: bpy.types.Context) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the reason."""
-        for text in lines():
-            self.layout.label(text=text, translate=False)
+        for text, icon in zip(lines(), ("ERROR", "BLANK1", "BLANK1"), strict=True):
+            wrapped.draw(self.layout, context, text, icon)
 
 
 def is_registered() -> bool:

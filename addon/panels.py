@@ -3,21 +3,18 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import ClassVar
 
 import bpy
 from bl_ui.utils import PresetPanel
 from bpy.app.translations import pgettext_iface as translated
 
-from . import error_map, estimate, properties, shading
+from . import error_map, estimate, properties, shading, wrapped
 from .report import PHASES, percent, typical
 from .session import Running, session
 
 #: Warnings that are shown; the Info editor and the report have them all.
 _SHOWN_WARNINGS = 5
-#: Width of a letter, and of what a panel has beside a text, in pixels of a screen of usual density.
-_LETTER, _BESIDE_TEXT = 6.2, 80
 
 
 class FMM_RADIOSITY_PT_presets(PresetPanel, bpy.types.Panel):
@@ -135,7 +132,7 @@ class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
             if report["seconds"][phase] >= 0.005:
                 _draw_pair(column, name, f"{report['seconds'][phase]:.2f} s")
         for warning in report["warnings"][:_SHOWN_WARNINGS]:
-            _draw_text(self.layout, context, warning, "ERROR")
+            wrapped.draw(self.layout, context, warning, "ERROR")
         self.layout.operator("fmm_radiosity.show_report", icon="TEXT")
         self.layout.operator("fmm_radiosity.study", icon="GRAPH")
 
@@ -162,7 +159,7 @@ class FMM_RADIOSITY_PT_effects(_InSidebar, bpy.types.Panel):
             for item in context.scene.fmm_radiosity.bl_rna.properties["without"].enum_items:
                 effect = session.effects[item.identifier]
                 column.label(text=item.name, icon="CHECKMARK" if effect["used"] else "X")
-                _draw_text(column, context, effect["why"], "BLANK1")
+                wrapped.draw(column, context, effect["why"], "BLANK1")
         self.layout.label(text="Leave Out")
         column = self.layout.column(align=True)
         column.enabled = session.running is None
@@ -243,7 +240,7 @@ def _draw_after(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.operator("fmm_radiosity.relight", icon="LIGHT")
     row.prop(context.window_manager, "fmm_radiosity_live", toggle=True)
     if session.problem is not None:
-        _draw_text(layout, context, session.problem, "INFO")
+        wrapped.draw(layout, context, session.problem, "INFO")
 
 
 def _draw_summary(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -262,15 +259,6 @@ def _draw_summary(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
 
 def _typical(error: dict) -> str:
     return typical(error, translated("below {:s}"))
-
-
-def _draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
-    """A text over as many lines as the width of the panel calls for."""
-    width = context.region.width / context.preferences.system.ui_scale - _BESIDE_TEXT
-    column = layout.column(align=True)
-    for line in textwrap.wrap(text, max(20, int(width / _LETTER))):
-        column.label(text=line, icon=icon, translate=False)
-        icon = "BLANK1"
 
 
 class FMM_RADIOSITY_PT_material(bpy.types.Panel):

@@ -47,7 +47,7 @@ class Input:
 class Result:
     """What a solve gives: colours (C,3) of every corner of the receivers, linear, by attribute, and the solution.
 
-    warnings: those that are neither of the arrays nor of the solution
+    seconds_solve: from the arrays to the colours; warnings: those that are neither of the arrays nor of the solution
     """
 
     arrays: SceneArrays
@@ -55,6 +55,7 @@ class Result:
     layers: dict[str, np.ndarray]
     solution: fmm_core.Solution
     seconds_export: float
+    seconds_solve: float
     warnings: tuple[str, ...] = ()
 
     @property
@@ -118,7 +119,8 @@ def compute(
     start, warnings, output = time.perf_counter(), list(data.warnings), data.output
     arrays, session = data.arrays, Session() if session is None else session
     places = places_of(arrays, output.colours == "FIT", session)
-    seconds = data.seconds + time.perf_counter() - start
+    begin = time.perf_counter()
+    seconds = data.seconds + begin - start
     progress = memory.limited(progress, data.memory_limit)
     solution, gathered = solved(data, settings, places, session, solve, warnings, progress)
     black, received = None, gathered
@@ -139,7 +141,7 @@ def compute(
         layers[output.view_name] = view_of(arrays, points, solution, whole, part(progress, 0.95, 1.0))
     session.solution = solution
     _save(solution.kept, data.kept, warnings)
-    return Result(arrays, output, layers, solution, seconds, tuple(warnings))
+    return Result(arrays, output, layers, solution, seconds, time.perf_counter() - begin, tuple(warnings))
 
 
 def solved(

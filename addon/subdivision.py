@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import bmesh
@@ -24,11 +24,20 @@ _LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
 def receivers(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """The selected objects with a mesh that can be changed, one for each mesh."""
+    """The selected objects with a mesh that can be changed, for each mesh the largest."""
+    return _one_for_each_mesh(_selected(context))
+
+
+def _selected(context: bpy.types.Context) -> list[bpy.types.Object]:
+    return [obj for obj in context.selected_objects if obj.type == "MESH" and obj.data.is_editable]
+
+
+def _one_for_each_mesh(objects: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
+    """The largest of the objects that share a mesh, for each mesh."""
+    by_size = sorted(objects, key=lambda obj: max(obj.matrix_world.to_scale(), key=abs) ** 2, reverse=True)
     found = {}
-    for obj in context.selected_objects:
-        if obj.type == "MESH" and obj.data.is_editable:
-            found.setdefault(obj.data.name, obj)
+    for obj in by_size:
+        found.setdefault(obj.data, obj)
     return list(found.values())
 
 
@@ -106,12 +115,16 @@ def refine(obj: bpy.types.Object, name: str, contrast: float, length: float) -> 
         edit.free()
 
 
-def copied(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
-    """Copies of objects with meshes of their own, selected in place of the originals, which are hidden."""
+def copied(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Copies of the selected objects, selected in place of the originals, which are hidden; what shares a mesh shares
+    its copy. Returns the largest for each mesh.
+    """
+    chosen = _selected(context)
+    meshes = {mesh: mesh.copy() for mesh in {obj.data for obj in chosen}}
     copies = []
-    for obj in objects:
+    for obj in chosen:
         copy = obj.copy()
-        copy.data = obj.data.copy()
+        copy.data = meshes[obj.data]
         for collection in obj.users_collection:
             collection.objects.link(copy)
         obj.select_set(False)
@@ -120,7 +133,7 @@ def copied(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> l
         copy.select_set(True)
         copies.append(copy)
     context.view_layer.objects.active = copies[0]
-    return copies
+    return _one_for_each_mesh(copies)
 
 
 def _parts(lengths: np.ndarray, length: float) -> np.ndarray:

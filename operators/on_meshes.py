@@ -47,8 +47,7 @@ class OnMeshes:
 
     def objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
         """The objects to work on."""
-        chosen = subdivision.receivers(context)
-        return subdivision.copied(context, chosen) if self.copies else chosen
+        return subdivision.copied(context) if self.copies else subdivision.receivers(context)
 
 
 def check(expected: int) -> None:

@@ -110,8 +110,9 @@ print(addon_utils._extensions_warnings_get())
     assert not [path for path in files if "radiosity" in str(path) or "fmm" in str(path) or "embree" in str(path)]
 
 
-def test_copy_for_another_system_says_so(archive, tmp_path, root):
-    """Without its wheels the extension shows a panel with the reason, and no traceback."""
+@pytest.mark.parametrize("lost", ["fmm_core", "PIL"])
+def test_copy_for_another_system_says_so(archive, tmp_path, lost):
+    """Without its wheels the extension shows a panel with the reason, whatever its width, and no traceback."""
     sources = tmp_path / "sources"
     with zipfile.ZipFile(archive) as opened:
         opened.extractall(sources)
@@ -130,12 +131,22 @@ import bpy
 class Hidden:
     # This repository's own environment has the core.
     def find_spec(self, name, path=None, target=None):
-        if name == "fmm_core":
-            raise ImportError("No module named 'fmm_core'")
-import sys
+        if name == "{lost}":
+            raise ImportError("No module named '{lost}'")
+import sys, types
 sys.meta_path.insert(0, Hidden())
 bpy.ops.extensions.package_install_files(filepath={str(without)!r}, repo="user_default", enable_on_install=True)
 print([name for name in dir(bpy.types) if name.startswith("FMM_RADIOSITY_PT")])
+drawn = []
+layout = types.SimpleNamespace(column=lambda align: layout, label=lambda text, icon, translate: drawn.append(text))
+panel = types.SimpleNamespace(layout=layout)
+system = types.SimpleNamespace(ui_scale=1.0)
+context = types.SimpleNamespace(region=types.SimpleNamespace(width=280),
+                                preferences=types.SimpleNamespace(system=system))
+from {MODULE}.addon import missing
+missing.FMM_RADIOSITY_PT_missing.draw(panel, context)
+assert " ".join(drawn) == " ".join(missing.lines()), drawn
+assert max(map(len, drawn)) <= 32, drawn
 bpy.ops.preferences.addon_disable(module="{MODULE}")
 print([name for name in dir(bpy.types) if name.startswith("FMM_RADIOSITY_PT")])
 """,

@@ -64,6 +64,19 @@ def test_instanced_lamps_shine_where_they_are_shown(build, read):
     assert [light.position for light in read().lights] == [(1.5, 0.5, 2.0), (3.5, 0.5, 2.0)]
 
 
+@pytest.mark.parametrize("kind", ["AREA", "SUN", "SPOT"])
+def test_lamps_without_size_or_direction_are_left_out(build, read, kind):
+    build.room()
+    data = bpy.data.lights.new("flat", kind)
+    lamp = bpy.data.objects.new("flat", data)
+    lamp.scale = (0, 0, 0)
+    bpy.context.scene.collection.objects.link(lamp)
+    bpy.context.view_layer.update()
+    arrays = read()
+    assert arrays.lights == ()
+    assert arrays.warnings == ("light 'flat' has a size or scale of 0: left out",)
+
+
 def test_lamps_that_light_nothing_are_left_out(build, read):
     build.quad("Floor", build.light())
     lamp(name="hidden").hide_render = True

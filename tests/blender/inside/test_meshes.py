@@ -75,6 +75,31 @@ def test_copies_leave_the_originals(build):
     assert "Radiosity" not in obj.data.color_attributes
 
 
+def test_objects_that_share_a_mesh_share_its_copy(build):
+    wall, lamp = build.quad("Wall", build.material("Grey")), build.quad("Lamp", build.light(), z=1, down=True)
+    twin = wall.copy()
+    bpy.context.scene.collection.objects.link(twin)
+    twin.location.x = 2
+    select("Wall", twin.name)
+    assert bpy.ops.fmm_radiosity.subdivide(edge_length=0.25, copies=True) == {"FINISHED"}
+    shown = [obj for obj in bpy.context.view_layer.objects if obj.visible_get() and obj is not lamp]
+    assert len(shown) == 2
+    assert shown[0].data is shown[1].data is not wall.data
+    assert (len(wall.data.vertices), len(shown[0].data.vertices)) == (4, 25)
+    assert sorted(obj.location.x for obj in shown) == [0, 2]
+
+
+def test_the_largest_of_the_objects_that_share_a_mesh_counts(build):
+    wall = build.quad("Wall", build.material("Grey"))
+    twin = wall.copy()
+    bpy.context.scene.collection.objects.link(twin)
+    twin.scale = (4, 4, 4)
+    bpy.context.view_layer.update()
+    select("Wall", twin.name)
+    assert bpy.ops.fmm_radiosity.subdivide(edge_length=1.0) == {"FINISHED"}
+    assert len(wall.data.vertices) == 25
+
+
 def test_too_many_vertices_are_refused(build):
     obj = build.quad("Wall")
     obj.scale = (1000, 1000, 1)

@@ -21,7 +21,7 @@ REFUSED = {
     "everything_hidden": "scene 'Scene' has no mesh that a render would show",
     "no_light": "nothing in scene 'Scene' gives off light",
     "not_finite": "object 'Broken': vertex 2 is at (nan, 1, 0.5)",
-    "name_taken": "mesh 'Floor' has an attribute 'Radiosity' of type FLOAT: rename it",
+    "name_taken": "mesh 'Floor' has an attribute 'Radiosity' of type FLOAT for each POINT: rename it",
 }
 #: What the report of others says.
 WARNED = {

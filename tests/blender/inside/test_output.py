@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the panel Output and the presets change."""
 
+import time
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
-from fmm_core import Error, irradiance_of
+from fmm_core import Error, VertexFit, irradiance_of
 from scenes import baked, of_corners
 
 
@@ -287,6 +288,47 @@ def test_expected_cost_follows_the_counted_rays_and_the_last_bake(build, fmm, se
     assert after.seconds == pytest.approx(report["seconds"]["total"], rel=1e-6)
     settings.rays = 2000
     assert fmm.estimate.of_scene(scene, layer).rays > 4 * expected.rays
+
+
+def test_expected_cost_counts_what_is_baked(build, fmm, settings):
+    build.room()
+    scene, layer, box = bpy.context.scene, bpy.context.view_layer, bpy.data.objects["Box"]
+
+    def expected(scope):
+        settings.scope = scope
+        layer.update()
+        return fmm.estimate.of_scene(scene, layer)
+
+    whole = expected("VISIBLE")
+    assert whole.colours == 4 + 16 + 8
+    assert expected("SELECTED").colours == 0
+    box.select_set(True)
+    selected = expected("SELECTED")
+    assert selected.colours == 8
+    assert selected.seconds < whole.seconds
+    box.hide_set(True)
+    assert expected("VISIBLE").colours == 4 + 16
+    assert expected("SCENE") == whole
+    box.hide_render = True
+    assert expected("SCENE").colours == 4 + 16
+
+
+def test_the_total_is_what_the_clock_says(build, fmm, settings, monkeypatch):
+    build.room()
+    settings.colours, fitted = "FIT", VertexFit.values
+
+    def slow(*arguments):
+        time.sleep(0.5)
+        return fitted(*arguments)
+
+    monkeypatch.setattr(VertexFit, "values", slow)
+    for rays in (True, False):
+        start = time.perf_counter()
+        bake()
+        took, report = time.perf_counter() - start, fmm.session.session.report
+        assert report["seconds"]["total"] == pytest.approx(took, abs=0.1)
+        assert report["seconds"]["evaluate"] > 0.5
+        assert (report["counts"]["rays"] > 0) == rays
 
 
 def test_report_can_be_read_as_a_text(build, fmm, settings):

@@ -99,6 +99,52 @@ def test_live_is_not_started_by_what_evaluates_noise(fmm, live):
     assert not live()
 
 
+def test_live_follows_the_frame_that_is_shown(fmm, live):
+    strength = bpy.data.materials["Glow"].node_tree.nodes["Emission"].inputs["Strength"]
+    for frame, value in ((1, 1.0), (11, 4.0)):
+        strength.default_value = value
+        strength.keyframe_insert("default_value", frame=frame)
+    scene = bpy.context.scene
+    scene.frame_set(1)
+    live()
+    before = box()
+    scene.frame_set(11)
+    assert live()
+    assert np.allclose(box(), 4 * before, rtol=1e-4)
+    # Bake Frames goes through frames of its own accord.
+    fmm.session.session.running = fmm.session.Running()
+    scene.frame_set(1)
+    fmm.session.session.running = None
+    assert not live()
+
+
+def test_live_waits_until_the_artist_leaves_edit_mode(fmm, live):
+    before = box()
+    bpy.context.view_layer.objects.active = bpy.data.objects["Box"]
+    bpy.ops.object.mode_set(mode="EDIT")
+    glow(2.0)
+    bpy.context.view_layer.update()
+    end = time.monotonic() + 2
+    while time.monotonic() < end:
+        assert fmm.live._turn() is not None
+    assert fmm.session.session.problem is None
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert live()
+    assert np.allclose(box(), 2 * before, rtol=1e-4)
+
+
+def test_live_begins_anew_after_a_mistake_of_the_program(fmm, live, monkeypatch):
+    before = box()
+    with monkeypatch.context() as patch:
+        patch.setattr(fmm.export.Reading, "painting", lambda _: 1 / 0)
+        glow(2.0)
+        with pytest.raises(ZeroDivisionError):
+            live()
+    glow(3.0)
+    assert live()
+    assert np.allclose(box(), 3 * before, rtol=1e-4)
+
+
 def test_live_waits_for_a_pause(fmm, live):
     glow(3.0)
     bpy.context.view_layer.update()
