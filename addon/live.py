@@ -14,6 +14,7 @@ import bpy
 import fmm_core
 
 from . import bake, properties
+from .messages import told
 from .node_fields import SCRATCH
 from .session import session
 
@@ -49,7 +50,7 @@ class _Follower:
         try:
             return self._read_on()
         except bake.FAILURES as error:
-            session.problem = bake.reason(error)
+            session.problem = told(bake.reason(error))
             return self._rest()
 
     def _read_on(self) -> float:
@@ -73,7 +74,7 @@ class _Follower:
         try:
             session.finish(bake.write(future.result()))
         except bake.FAILURES as error:
-            session.problem = bake.reason(error)
+            session.problem = told(bake.reason(error))
         _redraw()
         return self._rest()
 

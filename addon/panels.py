@@ -10,6 +10,7 @@ from bl_ui.utils import PresetPanel
 from bpy.app.translations import pgettext_iface as translated
 
 from . import error_map, estimate, properties, shading, wrapped
+from .messages import told
 from .report import PHASES, percent, typical
 from .session import Running, session
 
@@ -132,7 +133,7 @@ class FMM_RADIOSITY_PT_result(_InSidebar, bpy.types.Panel):
             if report["seconds"][phase] >= 0.005:
                 _draw_pair(column, name, f"{report['seconds'][phase]:.2f} s")
         for warning in report["warnings"][:_SHOWN_WARNINGS]:
-            wrapped.draw(self.layout, context, warning, "ERROR")
+            wrapped.draw(self.layout, context, told(warning), "ERROR")
         self.layout.operator("fmm_radiosity.show_report", icon="TEXT")
         self.layout.operator("fmm_radiosity.study", icon="GRAPH")
 
@@ -159,7 +160,7 @@ class FMM_RADIOSITY_PT_effects(_InSidebar, bpy.types.Panel):
             for item in context.scene.fmm_radiosity.bl_rna.properties["without"].enum_items:
                 effect = session.effects[item.identifier]
                 column.label(text=item.name, icon="CHECKMARK" if effect["used"] else "X")
-                wrapped.draw(column, context, effect["why"], "BLANK1")
+                wrapped.draw(column, context, told(effect["why"]), "BLANK1")
         self.layout.label(text="Leave Out")
         column = self.layout.column(align=True)
         column.enabled = session.running is None
@@ -258,7 +259,7 @@ def _draw_summary(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
 
 
 def _typical(error: dict) -> str:
-    return typical(error, translated("below {:s}"))
+    return typical(error, translated)
 
 
 class FMM_RADIOSITY_PT_material(bpy.types.Panel):

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 #: Phases of a bake, as an artist may call them.
 PHASES = {
     "export": "Reading",
@@ -25,15 +27,23 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:,.0f} %"
 
 
-def typical(error: dict, below: str = "below {:s}") -> str:
-    """The measured error, or, in the words of `below`, what it is less than where it is too small to be told."""
-    return percent(error["measured_rms"]) if error["low"] else below.format(percent(max(error["high"], _LEAST)))
+#: Puts a text into the language of the reader.
+Translate = Callable[[str], str]
 
 
-def measured(error: dict) -> str:
+def typical(error: dict, translate: Translate = str) -> str:
+    """The measured error, or what it is less than where it is too small to be told."""
+    if error["low"]:
+        return percent(error["measured_rms"])
+    return translate("below {:s}").format(percent(max(error["high"], _LEAST)))
+
+
+def measured(error: dict, translate: Translate = str) -> str:
     """The measured error with the range that it lies in, where that can be told."""
-    between = f" ({percent(error['low'])} to {percent(error['high'])})" if error["low"] else ""
-    return f"{typical(error)}{between}"
+    shown = typical(error, translate)
+    if error["low"]:
+        return translate("{:s} ({:s} to {:s})").format(shown, percent(error["low"]), percent(error["high"]))
+    return shown
 
 
 def _round(tried: dict) -> str:
@@ -43,20 +53,22 @@ def _round(tried: dict) -> str:
     return f"{tried['method']}, {chosen}: {measured(tried)} after {tried['seconds']:.2f} s"
 
 
-def summary(report: dict) -> str:
+def summary(report: dict, translate: Translate = str) -> str:
     """A report in one line."""
     counts, error = report["counts"], report.get("error") or {}
-    seconds = report["seconds"]["total"]
-    text = f"{counts['output_points']:,} points from {counts['triangles']:,} triangles in {seconds:.2f} s"
+    numbers = counts["output_points"], counts["triangles"], report["seconds"]["total"]
+    text = translate("{:,d} points from {:,d} triangles in {:.2f} s").format(*numbers)
     if "frames" in report:
-        text = f"{len(report['frames'])} frames, {text}"
+        text = translate("{:d} frames, {:s}").format(len(report["frames"]), text)
     if error.get("measured_rms") is not None:
-        text = f"{text}, measured error {measured(error)}"
+        text = translate("{:s}, measured error {:s}").format(text, measured(error, translate))
     if report["rounds"]:
         chosen = report["rounds"][-1]
-        text = f"{text} in round {len(report['rounds'])}: p {chosen['truncation']}, {chosen['particles']:,} particles"
-        text = f"{text}, {chosen['rays']} rays"
-    return f"{text}, visibility kept" if report["visibility_kept"] and not counts["rays"] else text
+        numbers = len(report["rounds"]), chosen["truncation"], chosen["particles"], chosen["rays"]
+        text = translate("{:s} in round {:d}: p {:d}, {:,d} particles, {:d} rays").format(text, *numbers)
+    if report["visibility_kept"] and not counts["rays"]:
+        text = translate("{:s}, visibility kept").format(text)
+    return text
 
 
 def text(report: dict) -> str:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The user interface in German. Messages of the solver stay in English."""
+"""The user interface in German."""
 
 from __future__ import annotations
+
+from . import messages_german
 
 GERMAN = {
     "8 Bit": "8 Bit",
@@ -163,9 +165,16 @@ GERMAN = {
     "Yellow": "Gelb",
     "{:,d} vertices more: bake again to light them": "{:,d} Punkte mehr: Neu backen, um sie zu beleuchten",
     "{:s} or more": "{:s} oder mehr",
+    "{:,d} points from {:,d} triangles in {:.2f} s": "{:,d} Stellen von {:,d} Dreiecken in {:.2f} s",
+    "{:d} frames, {:s}": "{:d} Bilder, {:s}",
+    "{:s} ({:s} to {:s})": "{:s} ({:s} bis {:s})",
+    "{:s} in round {:d}: p {:d}, {:,d} particles, {:d} rays": "{:s} in Durchgang {:d}: p {:d}, {:,d} Lichtpunkte, {:d} Strahlen",
+    "{:s}, measured error {:s}": "{:s}, gemessener Fehler {:s}",
+    "{:s}, visibility kept": "{:s}, Sichtbarkeit behalten",
     "{:s}, error {:s}": "{:s}, Fehler {:s}",
     "{:s}, {:s} left": "{:s}, noch {:s}",
 }
 #: Labels of operators are looked up under a context of their own.
 _CONTEXTS = ("*", "Operator")
-DICTIONARY = {"de_DE": {(context, text): german for text, german in GERMAN.items() for context in _CONTEXTS}}
+_ALL = GERMAN | messages_german.GERMAN
+DICTIONARY = {"de_DE": {(context, text): german for text, german in _ALL.items() for context in _CONTEXTS}}

@@ -11,6 +11,7 @@ import fmm_core
 from bpy.app.translations import pgettext_iface as translated
 
 from ..addon import bake, properties, solving
+from ..addon.messages import told
 from ..addon.session import session
 from .threaded import ReadsScene
 
@@ -29,11 +30,11 @@ class FMM_RADIOSITY_OT_check(ReadsScene, bpy.types.Operator):
             scene = solving.scene_of(arrays)
             session.effects = {name: asdict(effect) for name, effect in fmm_core.plan(scene, settings).items()}
         except bake.FAILURES as error:
-            self.report({"ERROR"}, bake.reason(error))
+            self.report({"ERROR"}, told(bake.reason(error)))
             return {"CANCELLED"}
         warnings = [*arrays.warnings, *scene.warnings]
         for warning in warnings:
-            self.report({"WARNING"}, warning)
+            self.report({"WARNING"}, told(warning))
         if not warnings:
             self.report({"INFO"}, translated("The scene can be baked as it is"))
         return {"FINISHED"}

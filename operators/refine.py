@@ -9,6 +9,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as translated
 
 from ..addon import bake, subdivision
+from ..addon.messages import told
 from .on_meshes import OnMeshes, check
 
 
@@ -49,7 +50,7 @@ class FMM_RADIOSITY_OT_refine(OnMeshes, bpy.types.Operator):
         try:
             check(sum(subdivision.expected_refined(obj, *limits) for obj in chosen))
         except bake.FAILURES as error:
-            self.report({"ERROR"}, bake.reason(error))
+            self.report({"ERROR"}, told(bake.reason(error)))
             return {"CANCELLED"}
         made = sum(subdivision.refine(obj, *limits) for obj in self.objects(context))
         self.report({"INFO"}, translated("{:,d} vertices more: bake again to light them").format(made))

@@ -9,6 +9,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as translated
 
 from ..addon import bake, subdivision
+from ..addon.messages import told
 from .on_meshes import OnMeshes, check
 
 
@@ -41,7 +42,7 @@ class FMM_RADIOSITY_OT_subdivide(OnMeshes, bpy.types.Operator):
         try:
             text = translated("About {:,d} vertices").format(self._expected(context))
         except bake.FAILURES as error:
-            text = bake.reason(error)
+            text = told(bake.reason(error))
         self.layout.label(text=text, translate=False)
 
     def _expected(self, context: bpy.types.Context) -> int:
@@ -52,7 +53,7 @@ class FMM_RADIOSITY_OT_subdivide(OnMeshes, bpy.types.Operator):
         try:
             check(self._expected(context))
         except bake.FAILURES as error:
-            self.report({"ERROR"}, bake.reason(error))
+            self.report({"ERROR"}, told(bake.reason(error)))
             return {"CANCELLED"}
         made = sum(subdivision.subdivide(obj, self.edge_length) for obj in self.objects(context))
         self.report({"INFO"}, translated("Subdivided to {:,d} vertices").format(made))

@@ -11,6 +11,7 @@ import fmm_core
 from bpy.app.translations import pgettext_iface as translated
 
 from ..addon import bake, estimate, properties
+from ..addon.messages import told
 from ..addon.panels import draw_status
 from ..addon.report import summary
 from ..addon.session import Running, session
@@ -173,8 +174,8 @@ class Threaded(ReadsScene):
         session.finish(report)
         self.end(context)
         for warning in report["warnings"]:
-            self.report({"WARNING"}, warning)
-        self.report({"INFO"}, f"{translated('Radiosity baked')}: {summary(report)}")
+            self.report({"WARNING"}, told(warning))
+        self.report({"INFO"}, f"{translated('Radiosity baked')}: {summary(report, translated)}")
         return {"FINISHED"}
 
     def _fail(self, context: bpy.types.Context, error: Exception) -> set[str]:
@@ -182,7 +183,7 @@ class Threaded(ReadsScene):
         if isinstance(error, fmm_core.Cancelled):
             self.report({"INFO"}, translated("Bake cancelled, nothing was changed"))
         else:
-            self.report({"ERROR"}, bake.reason(error))
+            self.report({"ERROR"}, told(bake.reason(error)))
         return {"CANCELLED"}
 
 

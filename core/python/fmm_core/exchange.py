@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .direct_light import LIGHTING, Receivers
-from .iteration import iterate
+from .iteration import Solved, iterate
 from .kept import KeptVisibility
 from .multipole import MultipoleSpace, particle_rays
 from .progress import Progress, Tick, silent, ticker
@@ -26,6 +26,7 @@ class Exchange:
     def __init__(self, space: Space, settings: Settings) -> None:
         self.space, self._settings = space, settings
         self.operator: Operator | None = None
+        self._last: Solved | None = None
         self._lit = self._receivers()
 
     def use(self, settings: Settings) -> None:
@@ -42,10 +43,8 @@ class Exchange:
         self._lit = self._receivers()
         return True
 
-    def radiosity(
-        self, scene: Scene, report: Report, progress: Progress | None, start: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
-        """Radiosity (N, C) of the particles, W/m^2; start: (N, 3) that under other lights, where there is one."""
+    def radiosity(self, scene: Scene, report: Report, progress: Progress | None) -> NDArray[np.float64]:
+        """Radiosity (N, 3) of the particles, W/m^2."""
         particles = self.space.sums.particles
         if not scene.albedo.any():
             report.counts["channels"] = 3
@@ -56,7 +55,9 @@ class Exchange:
             direct = self.direct(scene, ticker(progress, 0.7, 0.8, LIGHTING))
         with report.time("transport"):
             tick = ticker(progress, 0.8, 1.0, "Exchanging light")
-            return iterate(self.operator, scene, particles, direct, self._settings, report, tick, start)
+            parts = self.operator, scene, particles, direct, self._settings
+            self._last = iterate(*parts, report, tick, self._last)
+        return self._last.radiosity
 
     def received(self, scene: Scene, radiosity: NDArray[np.float64], report: Report) -> NDArray[np.float64]:
         """Irradiance (N, 3) of the particles for their radiosity (N, C), lamps and sky, W/m^2."""

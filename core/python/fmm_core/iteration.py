@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The iteration that the settings choose."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,9 +15,30 @@ from .settings import Settings
 from .shooting import shoot
 from .transport import Operator
 
-#: Functions of the exchange, the particles, their albedo and own light, the settings, the report, a tick and a start,
-#: by name.
+#: Functions of the exchange, the particles, their albedo and own light, the settings, the report and a tick, by name.
 ITERATIONS = {"krylov": gmres, "shooting": shoot}
+
+#: Light that is the same up to this share of itself leaves radiosity that is, everywhere.
+SAME = 1e-6
+
+
+class Solved(NamedTuple):
+    """Albedo, own light and radiosity (N, C) of the particles, as they were solved."""
+
+    albedo: NDArray[np.float64]
+    own: NDArray[np.float64]
+    radiosity: NDArray[np.float64]
+
+    def brighter(self, albedo: NDArray[np.float64], own: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """The radiosity (N, C) for light that has become brighter or darker as a whole, in each colour; None where
+        that is not all.
+        """
+        if self.own.shape[1] > own.shape[1] or not (self.albedo == albedo).all():
+            return None
+        most, brightest = self.own.max(axis=0), self.own.argmax(axis=0)
+        factor = own[brightest, np.arange(own.shape[1])] / np.where(most > 0, most, 1.0)
+        same = (np.abs(own - factor * self.own) <= SAME * factor * self.own).all()
+        return factor * self.radiosity if same else None
 
 
 def iterate(
@@ -26,18 +49,20 @@ def iterate(
     settings: Settings,
     report: Report,
     tick: Tick,
-    start: NDArray[np.float64] | None = None,
-) -> NDArray[np.float64]:
+    last: Solved | None = None,
+) -> Solved:
     """Radiosity (N, C) of the particles, which get irradiance `direct` (N, 3) from lamps and sky: in one channel where
-    all albedo and light is grey, else in three. start: radiosity (N, 3) under other lights.
+    all albedo and light is grey, else in three. last: what the same exchange was solved for before.
     """
     albedo, emission = particles.of_triangles(scene.albedo), particles.of_triangles(scene.emission)
     own = emission + albedo * direct
     channels = 1 if _is_grey(albedo) and _is_grey(own) and scene.absorbs_grey else 3
     report.counts["channels"] = channels
     parts = albedo[:, :channels], own[:, :channels]
-    begun = None if start is None else start[:, :channels]
-    return ITERATIONS[settings.iteration](exchange, particles, *parts, settings, report, tick, begun)
+    found = None if last is None else last.brighter(*parts)
+    if found is None:
+        found = ITERATIONS[settings.iteration](exchange, particles, *parts, settings, report, tick)
+    return Solved(*parts, found)
 
 
 def _is_grey(colours: NDArray[np.float64]) -> bool:

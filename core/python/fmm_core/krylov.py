@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The default iteration: GMRES, started by a few steps of shooting, unless light has only become brighter or darker."""
+"""The default iteration: GMRES, started by a few steps of shooting."""
 
 from collections.abc import Callable
 
@@ -32,14 +32,12 @@ def gmres(
     settings: Settings,
     report: Report,
     tick: Tick,
-    start: Colours | None = None,
 ) -> Colours:
     """Radiosity (N, C) of particles with an albedo and light of their own (N, C), by GMRES (Saad and Schultz, SIAM J.
     Sci. Stat. Comput. 7, 1986), the colours side by side.
 
     Residuals are relative to each particle's own radiosity, so that a dim corner or colour counts like a bright one,
-    down to a thousandth of the mean. start: radiosity (N, C) under other lights: it serves
-    where they differ by a factor alone.
+    down to a thousandth of the mean.
     Ends when no particle has more than the tolerance's share of its light still to come; or at the cap of applications,
     with a warning.
     """
@@ -52,11 +50,15 @@ def gmres(
         tick(min(0.99, count / (count + 10)))
         return albedo * exchange.apply(radiosity)
 
-    if start is not None and start.any():
-        scaled = _scaled(reflect, particles, own, start, most, settings, report)
-        if scaled is not None:
-            return scaled
-    radiosity, residual, ratio = _shot(reflect, particles, own, most, settings, report)
+    radiosity, unshot, ratio = own.copy(), own, 1.0
+    for _ in range(min(STEPS, settings.max_iterations)):
+        before, unshot = particles.weights @ unshot, reflect(unshot)
+        ratio = min(most, float((particles.weights @ unshot / np.where(before > 0, before, 1.0)).max()))
+        report.residuals.append(_largest(unshot, radiosity + unshot))
+        if _remaining(report.residuals[-1], ratio) <= settings.tolerance:
+            return np.maximum(radiosity + unshot, 0.0)
+        radiosity, residual = radiosity + unshot, unshot
+    residual = reflect(unshot) if count < settings.max_iterations else unshot
     stalled = False
     while (remaining := _remaining(_largest(residual, radiosity), ratio)) > settings.tolerance:
         if count + 2 > settings.max_iterations:
@@ -75,57 +77,6 @@ def gmres(
         residual = own + reflect(radiosity) - radiosity
         stalled = not stalled and _largest(residual, radiosity) > STALLED * before
     return np.maximum(radiosity, 0.0)
-
-
-def _shot(
-    reflect: Callable[[Colours], Colours],
-    particles: Particles,
-    own: Colours,
-    most: float,
-    settings: Settings,
-    report: Report,
-) -> tuple[Colours, Colours, float]:
-    """Radiosity and residual (N, C) after some steps of shooting, and the share of light that a bounce leaves."""
-    radiosity, unshot, ratio = own.copy(), own, 1.0
-    for _ in range(min(STEPS, settings.max_iterations)):
-        before, unshot = particles.weights @ unshot, reflect(unshot)
-        ratio = min(most, _share(before, particles.weights @ unshot))
-        radiosity = radiosity + unshot
-        report.residuals.append(_largest(unshot, radiosity))
-        if _remaining(report.residuals[-1], ratio) <= settings.tolerance:
-            return radiosity, np.zeros_like(own), ratio
-    return radiosity, reflect(unshot) if settings.max_iterations > STEPS else unshot, ratio
-
-
-def _scaled(
-    reflect: Callable[[Colours], Colours],
-    particles: Particles,
-    own: Colours,
-    start: Colours,
-    most: float,
-    settings: Settings,
-    report: Report,
-) -> Colours | None:
-    """Radiosity under other lights (N, C), each colour made brighter or darker as a whole; None where it is not."""
-    light, brightness = reflect(start), _brightness(start)
-    image, wanted = (start - light) / brightness, own / brightness
-    squares = (image**2).sum(axis=0)
-    scale = np.maximum((image * wanted).sum(axis=0) / np.where(squares > 0, squares, 1.0), 0.0)
-    if not scale.all():
-        return None
-    share = float((np.abs(wanted - scale * image) / scale).max())
-    if share > settings.tolerance:
-        return None
-    report.residuals.append(share)
-    ratio = most
-    if _remaining(share, ratio) > settings.tolerance:
-        ratio = min(most, _share(particles.weights @ light, particles.weights @ reflect(light)))
-    return scale * start if _remaining(share, ratio) <= settings.tolerance else None
-
-
-def _share(before: Colours, after: Colours) -> float:
-    """The largest share of the light (C,) before a bounce that is left after it."""
-    return float((after / np.where(before > 0, before, 1.0)).max())
 
 
 def _solved(

@@ -19,7 +19,6 @@ def shoot(
     settings: Settings,
     report: Report,
     tick: Tick,
-    _start: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """Radiosity (N, C) of particles with an albedo and light of their own (N, C), by shooting: in each step all of them
     pass on what they received in the step before.

@@ -284,7 +284,7 @@ class Solution:
         report.postponement, report.traced = self._report.postponement, self._space.sums.rays
         with memory_errors():
             blocked = effects["occlusion"].used and self._exchange.block(left, self.kept)
-            radiosity = self._exchange.radiosity(left, report, progress, self.radiosity)
+            radiosity = self._exchange.radiosity(left, report, progress)
         report.counts["rays"] = self._space.sums.rays - report.traced
         parts = self._exchange, radiosity, report
         solution = Solution(scene, left, self.settings, self.used, *parts, self.kept, self._first)
