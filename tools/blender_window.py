@@ -11,9 +11,13 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
+
+if TYPE_CHECKING:
+    from stalls import Stalls
 
 ROOT = Path(__file__).resolve().parent.parent
 MODULE = "bl_ext.user_default.fmm_radiosity"
@@ -83,7 +87,9 @@ def shoot(name: str, panel: bool = False) -> None:
 
 
 def rest() -> Steps:
-    """Take the mouse away from buttons, whose hints would be in the picture."""
+    """Take the mouse away from buttons, whose hints would be in the picture, and let every panel be drawn."""
+    for found in window().screen.areas:
+        found.tag_redraw()
     view = area("VIEW_3D")
     window().event_simulate("MOUSEMOVE", "NOTHING", x=view.x + 40, y=view.y + 40)
     yield 1.0
@@ -186,6 +192,18 @@ def escape() -> Steps:
     took = time.perf_counter() - pressed
     say(f"Escape to the end of the bake: {took:.2f} s")
     assert took < 0.5
+
+
+def drawing(stalls: Stalls) -> Steps:
+    """Say how long the whole window takes to be drawn."""
+    yield 1.0
+    stalls.forget()
+    for _ in range(5):
+        for each in window().screen.areas:
+            each.tag_redraw()
+        yield 0.1
+    say(f"the window is drawn in {1000 * stalls.turn:.0f} ms")
+    stalls.forget()
 
 
 def select(name: str) -> bpy.types.Object:

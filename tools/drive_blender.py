@@ -21,7 +21,6 @@ import numpy as np
 # Blender runs this file as a text: its neighbours are not found by themselves.
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-import hall
 from blender_window import (
     ARCHIVE,
     LOOK,
@@ -33,6 +32,7 @@ from blender_window import (
     area,
     click,
     colours,
+    drawing,
     escape,
     open_file,
     open_scene,
@@ -52,6 +52,8 @@ from blender_window import (
     until_half_way,
     window,
 )
+from drive_hall import many_vertices, noise
+from drive_mishaps import mishaps
 from stalls import Stalls
 
 
@@ -64,18 +66,6 @@ def install(stalls: Stalls) -> Steps:
     assert addon_utils._extensions_warnings_get() == {}
     stalls.watch(MODULE)
     yield 0.5
-
-
-def drawing(stalls: Stalls) -> Steps:
-    """Say how long the whole window takes to be drawn."""
-    yield 1.0
-    stalls.forget()
-    for _ in range(5):
-        for each in window().screen.areas:
-            each.tag_redraw()
-        yield 0.1
-    say(f"the window is drawn in {1000 * stalls.turn:.0f} ms")
-    stalls.forget()
 
 
 def first_clicks() -> Steps:
@@ -232,74 +222,6 @@ def save_and_reopen() -> Steps:
     assert session().report is None
 
 
-def many_vertices(stalls: Stalls) -> Steps:
-    """A hall of pillars with some 100,000 vertices."""
-    with bpy.context.temp_override(window=window()):
-        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True, load_ui=False)
-    yield 1.0
-    hall.build()
-    yield 1.0
-    set_up_view()
-    yield 1.0
-    select_tab()
-    for obj in bpy.context.view_layer.objects:
-        obj.select_set(obj.type == "MESH" and obj.name != "Lamp")
-    yield 0.5
-    assert operate("fmm_radiosity.subdivide", invoke=False, edge_length=0.11) == {"FINISHED"}
-    vertices = sum(len(mesh.vertices) for mesh in bpy.data.meshes)
-    say(f"hall: {vertices} vertices")
-    assert 80_000 < vertices < 160_000
-    for obj in bpy.context.view_layer.objects:
-        obj.select_set(False)
-    yield 1.0
-    yield from drawing(stalls)
-    assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
-    yield LOOK
-    stalls.check("while the hall is read")
-    yield from until_half_way(0.3)
-    yield from escape()
-    stalls.check("while the hall is solved, and at Escape")
-    assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
-    yield from until_half_way(0.8)
-    stalls.check("while the hall is read and solved")
-    yield from until_done()
-    stalls.check("while the hall is written")
-    say(f"hall: measured error {session().report['error']['measured_rms']:.4f}")
-    show()
-    yield 2.0
-    shoot("hall_in_blender")
-    strength = bpy.data.materials["Lamp"].node_tree.nodes["Emission"].inputs["Strength"]
-    strength.default_value *= 0.5
-    yield 0.5
-    began = time.perf_counter()
-    assert operate("fmm_radiosity.relight") == {"RUNNING_MODAL"}
-    yield from until_done()
-    say(f"hall: relit in {time.perf_counter() - began:.2f} s")
-    stalls.check("while the hall is lit anew")
-
-
-def noise(stalls: Stalls) -> Steps:
-    """Read walls and floor of noise, which takes seconds: Escape half way, and again to the end."""
-    for name in ("Floor", "Wall"):
-        tree = bpy.data.materials[name].node_tree
-        shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfDiffuse")
-        tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs["Color"], shader.inputs["Color"])
-    yield 1.0
-    reading = "Reading the scene"
-    assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
-    yield 0.5
-    assert session().running.text == reading
-    yield from escape()
-    stalls.forget()
-    began = time.perf_counter()
-    assert operate("fmm_radiosity.bake") == {"RUNNING_MODAL"}
-    while session().running.text == reading:
-        yield LOOK
-    say(f"hall: noise is read in {time.perf_counter() - began:.2f} s")
-    stalls.check("while noise is read")
-    yield from escape()
-
-
 def study() -> Steps:
     """Study the Cornell box, and find the picture in an image editor."""
     yield from open_scene(ROOT / "examples" / "cornell_box.blend")
@@ -345,7 +267,9 @@ def speak_german() -> Steps:
     view = bpy.context.preferences.view
     view.language = "de_DE"
     view.use_translate_interface = view.use_translate_tooltips = True
-    texts = sys.modules[f"{MODULE}.addon.translations"].GERMAN
+    texts = {}
+    for name in ("translations", "messages_german"):
+        texts |= sys.modules[f"{MODULE}.addon.{name}"].GERMAN
     translations = bpy.app.translations
     wrong = [text for text, german in texts.items() if translations.pgettext_tip(text) == text != german]
     assert not wrong, wrong
@@ -384,6 +308,7 @@ def day(stalls: Stalls) -> Steps:
     yield from first_bake()
     yield from speak_german()
     yield from study()
+    yield from mishaps()
     yield from uninstall()
 
 
