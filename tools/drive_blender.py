@@ -307,8 +307,8 @@ def day(stalls: Stalls) -> Steps:
     yield from noise(stalls)
     yield from first_bake()
     yield from speak_german()
-    yield from study()
     yield from mishaps()
+    yield from study()
     yield from uninstall()
 
 
