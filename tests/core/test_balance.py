@@ -74,7 +74,7 @@ def test_a_large_patch_does_not_take_a_small_lamp_for_its_own_size():
     settings = fmm_core.Settings(method="direct", particles=8, quadrature=1, probes=0)
     emission = np.array([0, 0, 1.0, 1.0])
     apart = fmm_core.solve(fmm_core.Scene(np.concatenate([floor, lamp + [0.5, 0.5, 9]]), 0.0, emission), settings)
-    below = apart.particles.positions[apart.particles.triangle == 0][0] + [0, 0, 1e-4]
+    below = apart.particles.positions[apart.particles.triangle == 0][0] + [0, 0, 3e-4]
     solution = fmm_core.solve(fmm_core.Scene(np.concatenate([floor, lamp + below]), 0.5, emission), settings)
     particles = solution.particles
     received = particles.weights * solution.irradiance(particles.positions, particles.normals)[:, 0]

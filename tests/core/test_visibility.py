@@ -176,6 +176,52 @@ def test_contact_interpenetration_and_a_close_plane_make_no_leak(gap):
     assert found.max() <= 1.01 * exact.max() + 1e-6
 
 
+@pytest.mark.parametrize("two_sided", [False, True])
+@pytest.mark.parametrize("method", ["fmm", "direct"])
+def test_no_light_comes_under_a_plane_just_above_the_floor(method, two_sided):
+    rug = shapes.quad([0.2, 0.2, 1e-4], [0.6, 0.2, 1e-4], [0.6, 0.6, 1e-4], [0.2, 0.6, 1e-4])
+    triangles = np.concatenate([shapes.subdivided_room(8), LAMP, rug])
+    part = np.arange(len(triangles)) - len(triangles) + 4
+    scene = fmm_core.Scene(
+        triangles, 0.6, np.where((part >= 0) & (part < 2), 10.0, 0.0), two_sided=two_sided & (part >= 2)
+    )
+    solution = fmm_core.solve(scene, fmm_core.Settings(particles=1500, method=method, probes=0))
+    under = np.column_stack([np.random.default_rng(0).uniform(0.21, 0.59, (300, 2)), np.zeros(300)])
+    up = np.tile([0.0, 0.0, 1.0], (300, 1))
+    beside = solution.irradiance([[0.7, 0.7, 0.0]], [[0.0, 0.0, 1.0]])
+    found = solution.irradiance(under, up)
+    # One ray of the 200 of a point may find the gap.
+    assert found.max() < beside.min() / 200
+    assert found.mean() < 1e-4 * beside.min()
+
+
+@pytest.mark.parametrize("below", [0.0, 1e-9, 5e-7])
+@pytest.mark.parametrize("method", ["fmm", "direct"])
+def test_a_lamp_in_the_plane_of_the_ceiling_gives_all_of_its_light(method, below):
+    def lit(z):
+        lamp = LAMP * [1.0, 1.0, 0.0] + [0.0, 0.0, z]
+        triangles = np.concatenate([shapes.subdivided_room(4), lamp])
+        scene = fmm_core.Scene(triangles, 0.5, np.where(np.arange(len(triangles)) < len(triangles) - 2, 0.0, 10.0))
+        solution = fmm_core.solve(scene, fmm_core.Settings(particles=2000, method=method, probes=0))
+        return solution.irradiance(*shapes.random_points(shapes.room()[:4], 40))
+
+    assert error(lit(1.0 - below), lit(1.0 - 1e-4)) < 0.01
+
+
+@pytest.mark.parametrize("method", ["fmm", "direct"])
+def test_relight_equals_a_fresh_solve_where_lamps_change_against_each_other(points, method):
+    settings = fmm_core.Settings(particles=2000, method=method, probes=0)
+    second = np.concatenate([TWO_BLOCKS, LAMP * 0.2 + [0.1, 0.1, 0.7]])
+    lamp = np.arange(len(second)) // 2 == 6
+    small = np.arange(len(second)) >= len(TWO_BLOCKS)
+    before, after = 10.0 * lamp + 100.0 * small, 2.0 * lamp + 3000.0 * small
+    first = fmm_core.solve(fmm_core.Scene(second, 0.6, before), settings)
+    fresh = fmm_core.Scene(second, 0.6, after)
+    assert first.serves(fresh)
+    expected = fmm_core.solve(fresh, settings).irradiance(*points)
+    assert error(first.relight(emission=after).irradiance(*points), expected) < 1e-3
+
+
 @pytest.mark.parametrize("method", ["fmm", "direct"])
 def test_relight_traces_no_ray_and_equals_a_fresh_solve(points, method):
     settings = fmm_core.Settings(particles=2000, method=method, probes=0)

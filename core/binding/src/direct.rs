@@ -10,6 +10,7 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyAr
 use pyo3::prelude::*;
 
 type Points<'py> = PyReadonlyArray2<'py, f64>;
+type EndArrays<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
 type Rays<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
 
 /// Point sources of the direct sum.
@@ -238,6 +239,23 @@ pub fn facing_rays<'py>(
     let frame = Frame { centre, scale, offset };
     let rays = py.detach(|| FacingRays::new(receivers, sources.oriented(), after, &frame)).map_err(value_error)?;
     Ok((vector(py, rays.pairs), table(py, rays.origins)?, table(py, rays.directions)?))
+}
+
+/// Origins and directions (K, 3) of rays from points with unit normals to as many targets with theirs, (K, 3) each, in a
+/// frame of centre, scale and offset.
+#[pyfunction]
+pub fn rays_between<'py>(
+    py: Python<'py>,
+    from: (Points, Points),
+    to: (Points, Points),
+    frame: ([f64; 3], f64, f64),
+) -> PyResult<EndArrays<'py>> {
+    let (centre, scale, offset) = frame;
+    let frame = Frame { centre, scale, offset };
+    let from = Oriented { points: triples(&from.0, "points")?, normals: triples(&from.1, "normals")? };
+    let to = Oriented { points: triples(&to.0, "targets")?, normals: triples(&to.1, "target normals")? };
+    let (origins, directions) = py.detach(|| frame.rays(from, to)).map_err(value_error)?.into_iter().unzip();
+    Ok((table(py, origins)?, table(py, directions)?))
 }
 
 /// Sets the bits of the pairs that are not occluded, in place.

@@ -15,7 +15,7 @@ use ::fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
 use ::fmm::portions::Portions;
 use ::fmm::rays::Frame;
 use ::fmm::visibility::{Rays, VisibilityOptions};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
@@ -27,8 +27,6 @@ type RayArrays<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f32>>, Bou
 /// Points (R,), origins and directions (R, 3).
 type HemisphereArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
 type SeenArrays<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
-type ContactArrays<'py> =
-    (Bound<'py, PyArray1<i8>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<bool>>);
 /// Sources (R,), places and normals (R, 3).
 type MetArrays<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 /// Irradiance, and the seconds of each pass.
@@ -321,45 +319,6 @@ impl Surface {
         });
         Ok((vector(py, sources), table(py, places)?, table(py, sides)?))
     }
-}
-
-/// The group (T,) of each triangle (T, 3, 3) of so many kinds (T,), at most about `count` of them.
-#[pyfunction]
-pub fn group<'py>(
-    py: Python<'py>,
-    scene: PyReadonlyArray3<f64>,
-    kinds: PyReadonlyArray1<u32>,
-    count: usize,
-) -> PyResult<Bound<'py, PyArray1<u32>>> {
-    let (triangles, kinds) = (triangles(&scene)?, flat(&kinds)?);
-    Ok(vector(py, py.detach(|| ::fmm::groups::group(triangles, kinds, count)).map_err(value_error)?))
-}
-
-/// Bisections of triangles (T, 3, 3) where other meshes meet them, as `Surface` takes them: edges (K,), fractions (K,),
-/// parts (K, 2); and touched (T,), which ones another mesh touches at all.
-#[pyfunction]
-pub fn contacts<'py>(py: Python<'py>, scene: PyReadonlyArray3<f64>) -> PyResult<ContactArrays<'py>> {
-    let triangles = triangles(&scene)?;
-    let found = py.detach(|| ::fmm::contacts::contacts(triangles));
-    let count = found.parts.len();
-    let parts = PyArray1::from_vec(py, found.parts.into_flattened()).reshape([count, 2])?;
-    Ok((vector(py, found.edges), vector(py, found.fractions), parts, vector(py, found.touched)))
-}
-
-/// How many sides of triangles (T, 3, 3) lie where each point (N, 3) does, up to `slack`, and face as it does.
-#[pyfunction]
-pub fn coincident<'py>(
-    py: Python<'py>,
-    points: Points,
-    normals: Points,
-    scene: PyReadonlyArray3<f64>,
-    two_sided: PyReadonlyArray1<bool>,
-    slack: f64,
-) -> PyResult<Bound<'py, PyArray1<u32>>> {
-    let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
-    let (triangles, two_sided) = (triangles(&scene)?, flat(&two_sided)?);
-    let found = py.detach(|| ::fmm::coincident::coincident(points, normals, triangles, two_sided, slack));
-    Ok(vector(py, found.map_err(value_error)?))
 }
 
 /// Scene numbers (N,) of points in the order of an octree: any run of them lies close together.

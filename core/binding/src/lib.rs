@@ -19,14 +19,15 @@ fn _binding(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<fmm::Surface>()?;
     module.add_function(wrap_pyfunction!(fmm::error_bound, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::tree_order, module)?)?;
-    module.add_function(wrap_pyfunction!(fmm::group, module)?)?;
-    module.add_function(wrap_pyfunction!(fmm::coincident, module)?)?;
-    module.add_function(wrap_pyfunction!(fmm::contacts, module)?)?;
+    module.add_function(wrap_pyfunction!(geometry::group, module)?)?;
+    module.add_function(wrap_pyfunction!(geometry::coincident, module)?)?;
+    module.add_function(wrap_pyfunction!(geometry::contacts, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::limit_threads, module)?)?;
     module.add_function(wrap_pyfunction!(geometry::is_sealed, module)?)?;
     module.add_function(wrap_pyfunction!(geometry::planes, module)?)?;
     module.add_function(wrap_pyfunction!(geometry::volume, module)?)?;
     module.add_function(wrap_pyfunction!(direct::facing_rays, module)?)?;
+    module.add_function(wrap_pyfunction!(direct::rays_between, module)?)?;
     module.add_function(wrap_pyfunction!(direct::mark_visible, module)?)?;
     module.add_function(wrap_pyfunction!(direct::symmetrise, module)?)?;
     Ok(())

@@ -2,7 +2,7 @@
 //! Where another mesh stands on a triangle or goes through it, the light changes from one side to the other: the triangle
 //! is cut along that line, so that no part of it stands for both sides.
 
-use crate::meshes::{PARALLEL, connected, triangle_tree};
+use crate::meshes::{PARALLEL, connected, rims, triangle_tree};
 use crate::vector::{add, cross, dot, high, low, norm, scale, sub};
 use rayon::prelude::*;
 use rstar::AABB;
@@ -38,7 +38,7 @@ pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
     let corners = || triangles.iter().flatten().copied();
     let (least, most) = (corners().fold([f64::INFINITY; 3], low), corners().fold([f64::NEG_INFINITY; 3], high));
     let size = sub(most, least).into_iter().fold(0.0, f64::max);
-    let tree = triangle_tree(triangles);
+    let (tree, rims) = (triangle_tree(triangles), rims(triangles, size));
     let cut = |i: usize| {
         let plane = Plane::new(&triangles[i])?;
         let slack = ROUNDING[0] * size + ROUNDING[1] * plane.longest();
@@ -50,8 +50,7 @@ pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
         let others = tree.locate_in_envelope_intersecting(&envelope).map(|other| other.data);
         let mut lines: Vec<[Point; 2]> = others
             .filter(|&other| meshes[other] != meshes[i])
-            .filter_map(|other| plane.line(&triangles[other], touching))
-            .filter(|&line| clip(line, &plane.corners, -slack).is_some())
+            .flat_map(|other| plane.lines(&triangles[other], rims[other], [touching, slack]))
             .collect();
         lines.sort_by_cached_key(|&line| plane.place(line));
         (!lines.is_empty())
@@ -120,6 +119,34 @@ impl Plane {
         [-steps(distance(p, q)), steps(distance(middle, self.corners[0])), steps(distance(middle, self.corners[1]))]
     }
 
+    /// Where another triangle meets this one: the line where it stands on it or goes through it, or what of its `rims` is
+    /// over this one, if it lies on it. What is nearer than the first slack is on it, and within the second at an edge.
+    fn lines(&self, other: &[Vector; 3], rims: [bool; 3], [touching, slack]: [f64; 2]) -> Vec<[Point; 2]> {
+        let local = other.map(|p| sub(p, self.origin));
+        let over = local.map(|p| [dot(p, self.axes[0]), dot(p, self.axes[1])]);
+        if self.is_parallel(other) && local.iter().all(|&p| dot(p, self.axes[2]).abs() <= touching) {
+            let edge = |i: usize| ([over[i], over[(i + 1) % 3]], over[(i + 2) % 3]);
+            let shades = |&(line, third): &([Point; 2], Point)| self.is_beside(line, third, slack);
+            return (0..3).filter(|&i| rims[i]).map(edge).filter(shades).map(|(line, _)| line).collect();
+        }
+        let meets = |line: &[Point; 2]| clip(*line, &self.corners, -slack).is_some();
+        self.line(other, touching).filter(meets).into_iter().collect()
+    }
+
+    fn is_parallel(&self, other: &[Vector; 3]) -> bool {
+        let normal = cross(sub(other[1], other[0]), sub(other[2], other[0]));
+        norm(cross(normal, self.axes[2])) < PARALLEL * norm(normal)
+    }
+
+    /// Whether the triangle is, within more than `slack` of a line, on the side where another point is.
+    fn is_beside(&self, line: [Point; 2], point: Point, slack: f64) -> bool {
+        let Some([p, q]) = clip(line, &self.corners, -slack) else { return false };
+        let (middle, side) = (between(p, q, 0.5), left_of(line, point).signum());
+        let [x, y] = [0, 1].map(|i| (line[1][i] - line[0][i]) / distance(line[0], line[1]));
+        let inwards = [middle[0] - 3.0 * slack * side * y, middle[1] + 3.0 * slack * side * x];
+        (0..3).all(|i| left_of([self.corners[i], self.corners[(i + 1) % 3]], inwards) > slack)
+    }
+
     /// Where another triangle meets this plane, if that is a line; what is nearer than `slack` is on it.
     fn line(&self, other: &[Vector; 3], slack: f64) -> Option<[Point; 2]> {
         let local = other.map(|p| sub(p, self.origin));
@@ -128,8 +155,7 @@ impl Plane {
         if misses || heights.iter().all(|&h| h.abs() <= slack) {
             return None;
         }
-        let normal = cross(sub(other[1], other[0]), sub(other[2], other[0]));
-        if norm(cross(normal, self.axes[2])) < PARALLEL * norm(normal) {
+        if self.is_parallel(other) {
             return None;
         }
         for height in heights.iter_mut().filter(|h| h.abs() <= slack) {
@@ -304,6 +330,34 @@ mod tests {
     fn what_stands_just_above_a_floor_cuts_it_too() {
         let wall = [[1., -1., 4e-4], [1., 9., 4e-4], [1., 2., 3.]];
         assert_ne!(contacts(&[FLOOR, wall]).edges[0], -1);
+    }
+
+    #[test]
+    fn the_rim_of_what_lies_on_a_floor_cuts_it() {
+        let rug = |z| [[[1., 0.5, z], [2., 0.5, z], [1., 1.5, z]], [[2., 0.5, z], [2., 1.5, z], [1., 1.5, z]]];
+        let parts = |z| {
+            let [a, b] = rug(z);
+            leaves(&contacts(&[FLOOR, a, b]), 0, FLOOR)
+        };
+        assert_eq!(parts(1e-3).len(), 1);
+        assert!(parts(4e-4).len() > 4);
+        let middle = |p: &[Vector; 3]| scale(add(p[0], add(p[1], p[2])), 1.0 / 3.0);
+        for part in parts(4e-4) {
+            let inside = |slack: f64| {
+                part.iter()
+                    .all(|p| (1. - slack..=2. + slack).contains(&p[0]) && (0.5 - slack..=1.5 + slack).contains(&p[1]))
+            };
+            let under = (1.0..2.0).contains(&middle(&part)[0]) && (0.5..1.5).contains(&middle(&part)[1]);
+            assert_eq!(under, inside(1e-9), "{part:?}");
+        }
+    }
+
+    #[test]
+    fn tiles_side_by_side_do_not_touch() {
+        let beside = [[4., 0., 0.], [4., 4., 0.], [0., 4., 1e-9]];
+        assert_eq!(contacts(&[FLOOR, beside]).touched, [false, false]);
+        let under = FLOOR.map(|p| add(p, [0.0, 0.0, -1e-5]));
+        assert_eq!(contacts(&[FLOOR, under]).touched, [true, true]);
     }
 
     #[test]

@@ -14,6 +14,8 @@ type Place = [u64; 3];
 
 /// Boxes that differ by less than this share of the scene are the same.
 const ROUNDING: f64 = 1e-6;
+/// Corners that differ by less are the same at a rim.
+const SAME_CORNER: f64 = 1e-9;
 
 /// The mesh that each triangle belongs to, by its first triangle: those of one mesh are joined by corners at exactly the same
 /// places.
@@ -36,12 +38,27 @@ pub(crate) fn meshes(corners: &[[u32; 3]]) -> Vec<u32> {
 
 /// Numbers of the corners of triangles: the same where the place is.
 pub(crate) fn corners(triangles: &[[Vector; 3]]) -> Vec<[u32; 3]> {
+    numbered(triangles, place)
+}
+
+fn numbered(triangles: &[[Vector; 3]], place: impl Fn(&Vector) -> Place) -> Vec<[u32; 3]> {
     let mut known = FxHashMap::with_capacity_and_hasher(triangles.len(), FxBuildHasher);
-    let mut number = |corner| {
+    let mut number = |corner: &Vector| {
         let next = known.len() as u32;
         *known.entry(place(corner)).or_insert(next)
     };
     triangles.iter().map(|[a, b, c]| [number(a), number(b), number(c)]).collect()
+}
+
+/// Which edges of triangles, from the first corner to the second and so on, belong to no other, in a scene of this size;
+/// corners that differ by rounding are in the same place.
+pub(crate) fn rims(triangles: &[[Vector; 3]], size: f64) -> Vec<[bool; 3]> {
+    let step = SAME_CORNER * size.max(f64::MIN_POSITIVE);
+    let corners = numbered(triangles, |corner| corner.map(|x| (x / step).round() as i64 as u64));
+    let edges = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)].map(|(p, q)| (p.min(q), p.max(q)));
+    let mut owners = FxHashMap::with_capacity_and_hasher(3 * corners.len() / 2, FxBuildHasher);
+    corners.iter().flat_map(edges).for_each(|edge| *owners.entry(edge).or_insert(0) += 1);
+    corners.iter().map(|triangle| edges(triangle).map(|edge| owners[&edge] == 1)).collect()
 }
 
 /// Numbers in sets that are joined bit by bit.

@@ -13,6 +13,9 @@ const ASIDE: f64 = 1e-5;
 /// What the way aside is square to, besides the normal.
 const ASKEW: DVec3 = DVec3::new(0.4159, 0.6328, 0.6532);
 
+/// Origin and unnormalised direction of a ray that ends where both add up.
+pub type Ends = ([f32; 3], [f32; 3]);
+
 /// Maps scene coordinates into the box [-1, 1]^3 that rays are traced in, and lifts their ends off the surfaces.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame {
@@ -33,8 +36,17 @@ impl Frame {
         self.map(x, n_x).as_vec3().into()
     }
 
-    /// Origin and unnormalised direction of the ray from one lifted end to the other.
-    pub fn ray(&self, x: [f64; 3], n_x: [f64; 3], y: [f64; 3], n_y: [f64; 3]) -> ([f32; 3], [f32; 3]) {
+    /// Rays from points to as many targets.
+    pub fn rays(&self, from: Oriented, to: Oriented) -> Result<Vec<Ends>, Error> {
+        same_length("normals", from.points.len(), from.normals.len())?;
+        same_length("targets", from.points.len(), to.points.len())?;
+        same_length("target normals", from.points.len(), to.normals.len())?;
+        let ends = from.points.iter().zip(from.normals).zip(to.points.iter().zip(to.normals));
+        Ok(ends.map(|((&x, &n_x), (&y, &n_y))| self.ray(x, n_x, y, n_y)).collect())
+    }
+
+    /// The ray from one lifted end to the other.
+    pub fn ray(&self, x: [f64; 3], n_x: [f64; 3], y: [f64; 3], n_y: [f64; 3]) -> Ends {
         let origin = self.map(x, n_x).as_vec3();
         let end = self.map(y, n_y) + ASIDE * ASKEW.cross(DVec3::from(n_y));
         // Subtracting the rounded origin makes the ray end where it should.

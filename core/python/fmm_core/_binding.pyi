@@ -150,12 +150,10 @@ class Surface:
 
 def group(scene: NDArray[np.float64], kinds: NDArray[np.uint32], count: int) -> NDArray[np.uint32]: ...
 def coincident(
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    scene: NDArray[np.float64],
-    two_sided: NDArray[np.bool_],
+    points: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]],
+    sheets: tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]],
     slack: float,
-) -> NDArray[np.uint32]: ...
+) -> NDArray[np.float64]: ...
 def contacts(
     scene: NDArray[np.float64],
 ) -> tuple[NDArray[np.int8], NDArray[np.float64], NDArray[np.uint32], NDArray[np.bool_]]: ...
@@ -166,6 +164,11 @@ def planes(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]] | None: ...
 def error_bound(truncation: int, strength: float, source_radius: float, receiver_distance: float) -> float: ...
 def tree_order(points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.uint32]: ...
+def rays_between(
+    start: tuple[NDArray[np.float64], NDArray[np.float64]],
+    targets: tuple[NDArray[np.float64], NDArray[np.float64]],
+    frame: tuple[tuple[float, ...], float, float],
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
 def facing_rays(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],

@@ -219,8 +219,8 @@ def _unpack(answer: bytes | None, count: int, query: str, output: bool) -> Any:
 
 def _digest(scene: Scene) -> bytes:
     found = hashlib.blake2b(digest_size=DIGEST)
-    found.update(scene.triangles.data)
-    found.update(scene.two_sided.data)
-    for array in scene.opacity.arrays() if scene.opacity is not None else ():
+    opacity = scene.opacity.arrays() if scene.opacity is not None else ()
+    for array in (scene.triangles, scene.two_sided, *opacity):
+        found.update(repr(array.shape).encode())
         found.update(np.ascontiguousarray(array).data)
     return found.digest()

@@ -13,7 +13,7 @@ from .arrays import ROUNDING, centroids, largest, lengths
 from .quadrature import triangle_rule
 from .scene import Scene
 
-#: Share of the particles that goes to emitters, by power, and again as many to weak lamps; the rest follows area.
+#: Share of the particles that goes to what emits strongly; the rest follows area.
 EMITTER_SHARE = 0.1
 #: Share of the area of a scene that weak lamps have together at most.
 LAMPS = 0.1
@@ -39,7 +39,7 @@ class Particles:
     """Quadrature points, `per_patch` consecutive ones a patch; two-sided triangles have patches on both sides.
 
     positions, normals (N, 3); weights (N,) area of what is there: less where it is partly transparent, or shares its
-    place with other surfaces
+    place with other surfaces, and next to none where one of those emits and it does not
     triangle (N,) row of the scene; emits (N,) whether that emits strongly; per_patch int
     patches (P, 3, 3) corners; areas (P,); radii (P,) from centroid to farthest corner
     whole (P,) whether the patch is all that its points stand for: where a mesh is finer than the light needs, a
@@ -122,7 +122,7 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
     barycentric, shares = triangle_rule(degree)
     wanted = count / len(shares)
     contacts, emits = Contacts(*_binding.contacts(scene.triangles)), strong_emitters(scene)
-    cut = _cut(scene, _edge_limits(scene, wanted), contacts)
+    cut = _cut(scene, _edge_limits(scene, emits, wanted), contacts)
     if buried is not None and len(cut.patches) > 2 * wanted:
         cut = _grouped(scene, cut, emits | contacts.touched, wanted, buried)
     front, triangle = cut.patches, cut.triangle
@@ -141,12 +141,13 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
         np.repeat(normals, per_patch, axis=0),
     )
     # Surfaces in one place are one surface: what arrives there is not there twice.
-    slack = SAME_PLACE * scene.size
-    sheets = _binding.coincident(positions, normals, scene.triangles, scene.two_sided, slack)
+    shining = scene.emission.any(axis=1)
+    points = positions, normals, np.repeat(shining[triangle], per_patch)
+    place = _binding.coincident(points, (scene.triangles, scene.two_sided, shining), SAME_PLACE * scene.size)
     return Particles(
         positions=positions,
         normals=normals,
-        weights=(solid[:, None] * shares).ravel() / sheets,
+        weights=(solid[:, None] * shares).ravel() * place,
         triangle=np.repeat(triangle, per_patch),
         emits=np.repeat(emits[triangle], per_patch),
         per_patch=per_patch,
@@ -198,9 +199,9 @@ def serve(particles: Particles, first: Scene, scene: Scene) -> bool:
 
     They do not where other triangles emit, or stand out as emitters, nor where a group has got albedos too far apart.
     """
-    if ((first.emission > 0).any(axis=1) != (scene.emission > 0).any(axis=1)).any():
+    if (first.emission.any(axis=1) != scene.emission.any(axis=1)).any():
         return False
-    if (strong_emitters(scene) & ~strong_emitters(first)).any():
+    if (strong_emitters(first) != strong_emitters(scene)).any():
         return False
     uncut = np.flatnonzero(particles.edges[: len(scene.triangles)] < 0)
     stand_in = particles.triangle[particles.per_patch * particles.parts[uncut, 0].astype(np.int64)]
@@ -311,15 +312,13 @@ def _grouped(scene: Scene, cut: _Cut, single: NDArray[np.bool_], wanted: float, 
     )
 
 
-def _edge_limits(scene: Scene, patch_count: float) -> NDArray[np.float64]:
+def _edge_limits(scene: Scene, emits: NDArray[np.bool_], patch_count: float) -> NDArray[np.float64]:
     """(T,) longest edge that a patch of each triangle may have, so that about `patch_count` patches come out, more of
-    them where there are weak lamps.
+    them on those (T,) that emit strongly: by area, so that other power of lamps calls for no other patches.
     """
     areas = triangle_areas(scene.triangles)
-    power, weak = areas * scene.emission.sum(axis=1), areas * _weak_lamps(scene)
-    share = (1 - EMITTER_SHARE) * areas / areas.sum()
-    # A weak lamp has shadows of its own, which its power pays for no patches.
-    share += EMITTER_SHARE * (power / (power.sum() or 1.0) + weak / (weak.sum() or 1.0))
+    lamps = areas * emits
+    share = (1 - EMITTER_SHARE) * areas / areas.sum() + EMITTER_SHARE * lamps / (lamps.sum() or 1.0)
     # A right isosceles triangle of longest edge h has the area h^2 / 4; bisection makes them half as large on average.
     return np.sqrt(4 * 1.5 * areas / (share * patch_count))
 

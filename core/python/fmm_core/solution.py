@@ -249,8 +249,8 @@ class Solution:
     def serves(self, scene: Scene) -> bool:
         """Whether `relight` with the lights and albedo of a scene does what a new solve of it would do.
 
-        It does not where the triangles are others, where others of them emit, or where triangles that share a particle
-        no longer have one albedo.
+        It does not where the triangles are others, where others of them emit or stand out as lamps, or where triangles
+        that share a particle no longer have one albedo.
         """
         scene = scene.near_origin()
         return self.scene.same_geometry(scene) and serve(self.particles, self._first, scene)

@@ -34,9 +34,6 @@ finally:
     if _flags is not None:
         sys.setdlopenflags(_flags)
 
-#: Rays end so far beside their target along its surface, in half scene sizes, square to the normal and to something
-#: askew: between points of regular meshes they would meet corners exactly, where embree lets some through.
-ASIDE = 1e-5 * np.array([0.4159, 0.6328, 0.6532])
 #: Distance between a surface and the end of a ray, in half scene sizes: some ten times embree's rounding error.
 OFFSET = 2e-6
 #: Embree may let a ray slip through the joint of two triangles: one that meets a triangle so near to its edge, in half
@@ -144,6 +141,7 @@ class Occlusion:
     def __init__(self, scene: Scene, kept: KeptVisibility | None = None) -> None:
         self._centre = scene.centre
         self.size, self._scale = scene.size, scene.size / 2
+        self._frame = tuple(self._centre), self._scale, OFFSET
         self.triangles, self._two_sided = scene.triangles, scene.two_sided
         edges = scene.triangles[:, 1:] - scene.triangles[:, :1]
         self._normals = np.cross(edges[:, 0], edges[:, 1])
@@ -202,8 +200,8 @@ class Occlusion:
 
         def block(rows: slice) -> int:
             after = rows.start if symmetric else None
-            frame = (tuple(self._centre), self._scale, OFFSET)
-            pairs, origins, directions = _binding.facing_rays(points[rows], normals[rows], sources, after, *frame)
+            receivers = points[rows], normals[rows]
+            pairs, origins, directions = _binding.facing_rays(*receivers, sources, after, *self._frame)
             occluded = self._occluded(origins, directions)
             _binding.mark_visible(bits[rows.start * words : rows.stop * words], len(sources), pairs, occluded)
             return len(pairs)
@@ -256,7 +254,7 @@ class Occlusion:
         sources: areas, weights, reach, coarse and radii (N,) as `Occluded` of the core has them; effort as its
         `VisibilityOptions`.
         """
-        fmm.occlude(list(sources), (tuple(self._centre), self._scale, OFFSET), effort)
+        fmm.occlude(list(sources), self._frame, effort)
 
     def trace(
         self,
@@ -302,7 +300,7 @@ class Occlusion:
             fmm.detect(slots, self._occluded(origins, directions))
             return len(slots)
 
-        count = fmm.find_cells((tuple(self._centre), self._scale, OFFSET))
+        count = fmm.find_cells(self._frame)
         self.rays += run_blocks(shoot_and_detect, count, CELLS_PER_BLOCK, lambda done: tick(0.2 + 0.6 * done))
         fmm.generate()
 
@@ -331,9 +329,7 @@ class Occlusion:
         target_normals: NDArray[np.float64],
     ) -> NDArray[np.bool_]:
         """The same for a few, to be called by what `run_blocks` runs."""
-        origins = self._lifted(points, normals).astype(np.float32)
-        ends = self._lifted(targets, target_normals) + np.cross(ASIDE, target_normals)
-        return ~self._occluded(origins, (ends - origins).astype(np.float32))
+        return ~self._occluded(*_binding.rays_between((points, normals), (targets, target_normals), self._frame))
 
     def transmitted(
         self,
