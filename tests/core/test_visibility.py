@@ -282,6 +282,28 @@ def test_faces_that_coincide_and_look_away_from_each_other_both_count():
     assert error(found, direct) < 0.015
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_wall_that_is_a_wall_of_the_next_room_too_is_as_bright_as_alone(turned):
+    axes = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0] if turned else np.eye(3)
+    axes *= np.sign(np.linalg.det(axes))
+    room, screen = (
+        shapes.subdivided_room(3),
+        shapes.quad([0.4, 0.4, 0.6], [0.4, 0.6, 0.6], [0.6, 0.6, 0.6], [0.6, 0.4, 0.6]),
+    )
+    lit = np.concatenate([room, LAMP, screen, screen[:, ::-1] - [0, 0, 0.01]])
+    # The same walls seen from outside, cut otherwise.
+    again = shapes.subdivided_room(4)[:, ::-1]
+    points, normals = shapes.random_points(shapes.room(), 40)
+    light = []
+    for triangles in (lit, np.concatenate([lit, again])):
+        emission = np.zeros(len(triangles))
+        emission[len(room) : len(room) + 2] = 10.0
+        scene = fmm_core.Scene(triangles @ axes, 0.7, emission)
+        solution = fmm_core.solve(scene, fmm_core.Settings(particles=2000, **FMM))
+        light.append(solution.irradiance(points @ axes, normals @ axes))
+    assert error(light[1], light[0]) < 0.02
+
+
 @pytest.mark.parametrize("away", [1e6, -3e5])
 def test_shadows_stay_far_from_the_origin(points, away):
     far = np.array([away, 0.5 * away, away])

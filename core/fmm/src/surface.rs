@@ -2,14 +2,19 @@
 //! From a point on an input triangle to the source that stands for it.
 
 use crate::error::{Error, same_length};
-use crate::vector::{cross, dot, sub};
-use std::collections::HashMap;
+use crate::meshes::{PARALLEL, TriangleTree, triangle_tree};
+use crate::vector::{cross, dot, high, low, norm, sub};
+use rstar::AABB;
+use std::sync::OnceLock;
 
 /// What a patch is followed by where there is nothing on its other side.
 pub const NO_PATCH: u32 = u32::MAX;
 
 /// How far off a place on a triangle may be, as a share of its edges: places are kept in steps of 1 in 32,768.
 const ROUNDED: f64 = 4e-5;
+
+/// Surfaces no farther apart than this share of the scene are in one place: which of them a ray meets is chance.
+const SAME_PLACE: f64 = 1e-6;
 
 /// The undivided triangles, each the root of a tree of bisections whose leaves are patches.
 #[derive(Debug)]
@@ -18,8 +23,10 @@ pub struct Surface {
     triangles: Vec<[[f64; 3]; 3]>,
     /// (T, 3) not unit.
     normals: Vec<[f64; 3]>,
-    /// The triangle that looks the other way at the very same place, and which of its corners are this one's.
-    twins: HashMap<u32, (u32, [usize; 3])>,
+    /// Finds triangles, made when it is first needed.
+    tree: OnceLock<TriangleTree>,
+    /// Distance between surfaces in one place.
+    slack: f64,
     /// (K,) edge at which a node is cut, from that corner to the next; -1 for a leaf. The first T nodes are the triangles.
     edges: Vec<i8>,
     /// (K,) where on that edge, as a share of it.
@@ -57,12 +64,14 @@ impl Surface {
             }
         }
         let normals = triangles.iter().map(|t| cross(sub(t[1], t[0]), sub(t[2], t[0]))).collect();
-        let twins = twins(triangles);
+        let corners = || triangles.iter().flatten().copied();
+        let sides = sub(corners().fold([f64::NEG_INFINITY; 3], high), corners().fold([f64::INFINITY; 3], low));
         let (edges, fractions) = (edges.to_vec(), fractions.to_vec());
         Ok(Self {
             triangles: triangles.to_vec(),
             normals,
-            twins,
+            tree: OnceLock::new(),
+            slack: SAME_PLACE * sides.into_iter().fold(0.0, f64::max),
             edges,
             fractions,
             parts: parts.to_vec(),
@@ -76,14 +85,30 @@ impl Surface {
         let direction = direction.map(f64::from);
         let front = dot(*self.normals.get(triangle as usize)?, direction) < 0.0;
         let (u, v) = self.before(triangle as usize, (f64::from(u), f64::from(v)), direction);
-        let met = self.source(triangle, (u, v), front);
-        // A ray meets either one of two triangles at the same place.
-        let twin = self.twins.get(&triangle).filter(|_| met.is_none() && !front);
-        met.or_else(|| {
-            let (twin, corners) = twin?;
-            let weights = [1.0 - u - v, u, v];
-            self.source(*twin, (weights[corners[1]], weights[corners[2]]), true)
+        self.source(triangle, (u, v), front).or_else(|| {
+            let (other, place) = self.facing(triangle, (u, v), direction).filter(|_| !front)?;
+            self.source(other, place, true)
         })
+    }
+
+    /// The triangle that faces a ray in the same place as one that looks away from it, and where on it.
+    fn facing(&self, triangle: u32, (u, v): (f64, f64), direction: [f64; 3]) -> Option<(u32, (f64, f64))> {
+        let [a, b, c] = self.triangles[triangle as usize];
+        let x = [0, 1, 2].map(|i| (1.0 - u - v) * a[i] + u * b[i] + v * c[i]);
+        let slack = self.slack + ROUNDED * norm(sub(b, a)).max(norm(sub(c, a)));
+        let around = AABB::from_corners(x.map(|c| c - slack), x.map(|c| c + slack));
+        let own = self.normals[triangle as usize];
+        let place = |other: usize| {
+            let [a, b, c] = self.triangles[other];
+            let (n, to) = (self.normals[other], sub(x, a));
+            let parallel = norm(cross(n, own)) < PARALLEL * norm(n) * norm(own);
+            let same = parallel && dot(n, direction) < 0.0 && dot(n, to).abs() <= self.slack * norm(n);
+            let [u, v] = [cross(to, sub(c, a)), cross(sub(b, a), to)].map(|part| dot(part, n) / dot(n, n));
+            let beyond = slack / dot(n, n).sqrt() * norm(sub(b, a)).max(norm(sub(c, a)));
+            (same && u.min(v).min(1.0 - u - v) >= -beyond).then_some((other as u32, (u, v)))
+        };
+        let tree = self.tree.get_or_init(|| triangle_tree(&self.triangles));
+        tree.locate_in_envelope_intersecting(&around).find_map(|found| place(found.data))
     }
 
     /// The place on a divided triangle that a ray came over just before it met it: places are rounded, and where another
@@ -144,26 +169,6 @@ impl Surface {
             (0..self.rule.len()).min_by(|&i, &j| distance(&self.rule[i]).total_cmp(&distance(&self.rule[j])))?;
         (patch != NO_PATCH).then(|| patch * self.rule.len() as u32 + nearest as u32)
     }
-}
-
-/// For each triangle the one of the same corners in the other order, where there is one.
-fn twins(triangles: &[[[f64; 3]; 3]]) -> HashMap<u32, (u32, [usize; 3])> {
-    // 0 and -0 are the same place.
-    let bits = |triangle: &[[f64; 3]; 3]| triangle.map(|corner| corner.map(|x| (x + 0.0).to_bits()));
-    // From the least corner on, so that only the order around is left.
-    let key = |corners: [[u64; 3]; 3]| {
-        let least = (0..3).min_by_key(|&i| corners[i]).unwrap_or(0);
-        [0, 1, 2].map(|i| corners[(least + i) % 3])
-    };
-    let known: HashMap<[[u64; 3]; 3], u32> = triangles.iter().map(|t| key(bits(t))).zip(0..).collect();
-    let twin_of = |(triangle, i): (&[[f64; 3]; 3], u32)| {
-        let own = bits(triangle);
-        let twin = *known.get(&key([own[0], own[2], own[1]]))?;
-        let theirs = bits(&triangles[twin as usize]);
-        let corners = theirs.map(|corner| own.iter().position(|&c| c == corner).unwrap_or(0));
-        Some((i, (twin, corners)))
-    };
-    triangles.iter().zip(0..).filter_map(twin_of).collect()
 }
 
 #[cfg(test)]
