@@ -128,3 +128,18 @@ def test_bright_surfaces_want_few_applications():
     report = fmm_core.solve(scene, fmm_core.Settings(particles=1000)).report
     assert not report["warnings"]
     assert len(report["residuals"]) <= 30
+
+
+@pytest.mark.parametrize("turn", range(4))
+def test_light_between_stacked_sheets_is_that_of_the_direct_method_however_patches_meet(turn):
+    # Points opposite to a patch see its points at the horizon; emitters are cut finer than what they face.
+    axes = np.linalg.qr(np.random.default_rng(turn).normal(size=(3, 3)))[0] if turn else np.eye(3)
+    sheet = np.array([[0.55, -0.42, 0.28], [-0.52, -0.3, 0.53], [-0.15, 0.79, -0.35]])
+    normal = np.cross(sheet[1] - sheet[0], sheet[2] - sheet[0])
+    sheets = (sheet + 2e-5 * np.arange(4)[:, None, None] * normal / np.linalg.norm(normal)) @ axes
+    scene = fmm_core.Scene(sheets, 0.7, [0.0, 1.0, 80.0, 470.0], two_sided=[True, False, True, True])
+    light = []
+    for method in ("direct", "fmm"):
+        solution = fmm_core.solve(scene, fmm_core.Settings(particles=200, method=method, probes=0))
+        light.append((solution.particles.weights[:, None] * solution.received).sum())
+    assert light[1] == pytest.approx(light[0], rel=5e-3)

@@ -171,13 +171,13 @@ impl Correction {
         sources: &Sources,
         fractions: PyReadonlyArray1<f64>,
         visible: Option<PyReadonlyArray1<u64>>,
-        counted: Option<PyReadonlyArray1<bool>>,
+        counted: Option<(PyReadonlyArray1<bool>, PyReadonlyArray1<bool>)>,
     ) -> PyResult<Self> {
         let (points, normals) = (triples(&points, "points")?, triples(&normals, "normals")?);
         let fractions = flat(&fractions)?;
         let seen = match (&visible, &counted) {
             (Some(bits), _) => Seen::Bits(flat(bits)?),
-            (None, Some(entries)) => Seen::Entries(flat(entries)?),
+            (None, Some((counted, known))) => Seen::Entries(flat(counted)?, flat(known)?),
             (None, None) => Seen::All,
         };
         let of = PointSources {

@@ -35,9 +35,7 @@ pub struct Contacts {
 /// Cuts each triangle where other meshes meet it; meshes are what is joined by corners at the same places.
 pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
     let meshes = connected(triangles);
-    let corners = || triangles.iter().flatten().copied();
-    let (least, most) = (corners().fold([f64::INFINITY; 3], low), corners().fold([f64::NEG_INFINITY; 3], high));
-    let size = sub(most, least).into_iter().fold(0.0, f64::max);
+    let size = size(triangles);
     let (tree, rims) = (triangle_tree(triangles), rims(triangles, size));
     let cut = |i: usize| {
         let plane = Plane::new(&triangles[i])?;
@@ -57,6 +55,14 @@ pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
             .then(|| if lines.len() > MOST_LINES { Cuts::default() } else { Cuts::along(&lines, &plane, slack) })
     };
     collect((0..triangles.len()).into_par_iter().map(cut).collect())
+}
+
+/// Side of the cube whose corners are as far from its middle as the farthest corner is from the mean of all: unlike a bounding
+/// box it does not change with a turn.
+fn size(triangles: &[[Vector; 3]]) -> f64 {
+    let corners = || triangles.iter().flatten();
+    let mean = scale(corners().fold([0.0; 3], |sum, &x| add(sum, x)), 1.0 / (3 * triangles.len()).max(1) as f64);
+    2.0 / 3f64.sqrt() * corners().map(|&x| norm(sub(x, mean))).fold(0.0, f64::max)
 }
 
 /// The trees of single triangles as one.
@@ -126,7 +132,10 @@ impl Plane {
         let over = local.map(|p| [dot(p, self.axes[0]), dot(p, self.axes[1])]);
         if self.is_parallel(other) && local.iter().all(|&p| dot(p, self.axes[2]).abs() <= touching) {
             let edge = |i: usize| ([over[i], over[(i + 1) % 3]], over[(i + 2) % 3]);
-            let shades = |&(line, third): &([Point; 2], Point)| self.is_beside(line, third, slack);
+            // A strip along an edge is not worth a cut.
+            let is_strip =
+                |line| clip(line, &self.corners, slack).is_some() && clip(line, &self.corners, touching).is_none();
+            let shades = |&(line, third): &([Point; 2], Point)| self.is_beside(line, third, slack) && !is_strip(line);
             return (0..3).filter(|&i| rims[i]).map(edge).filter(shades).map(|(line, _)| line).collect();
         }
         let meets = |line: &[Point; 2]| clip(*line, &self.corners, -slack).is_some();
@@ -358,6 +367,8 @@ mod tests {
         assert_eq!(contacts(&[FLOOR, beside]).touched, [false, false]);
         let under = FLOOR.map(|p| add(p, [0.0, 0.0, -1e-5]));
         assert_eq!(contacts(&[FLOOR, under]).touched, [true, true]);
+        let shifted = under.map(|p| add(p, [1e-4, 1e-4, 0.0]));
+        assert_eq!(contacts(&[FLOOR, shifted]).edges, [-1, -1]);
     }
 
     #[test]

@@ -64,18 +64,20 @@ impl Fmm {
             let of = |b: usize| values[self.sources.points_of(b)].iter().copied().fold(0.0, f64::max);
             (0..self.sources.n_boxes()).into_par_iter().map(of).collect()
         };
+        let margin = largest(scene.radii);
+        let facing = FacingTest::new(&self.targets, &self.sources, self.lists.options.grazing)?.beyond(margin.clone());
         let ends = |tree: &Octree| (0..tree.n_boxes()).into_par_iter().map(|b| End::new(tree, b)).collect();
         let view = View {
             targets: self.targets.clone(),
             sources: self.sources.clone(),
-            facing: FacingTest::new(&self.targets, &self.sources, self.lists.options.grazing)?,
+            facing,
             frame: scene.frame,
             lists: self.lists.options,
             weights: Weights::new(&in_tree(scene.weights)),
             softening: self.softening.clone(),
             reach: largest(scene.reach),
             coarse: largest(scene.coarse),
-            margin: largest(scene.radii),
+            margin,
             blockers: std::mem::take(&mut self.blockers),
             medium: self.medium.clone(),
             absorbing: Blockers::new(&self.medium.bounds(), [&self.targets, &self.sources]),

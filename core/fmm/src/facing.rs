@@ -44,6 +44,8 @@ pub struct FacingTest {
     grazing: f64,
     /// Precision of positions, scene units.
     precision: f64,
+    /// (B,) how far surfaces go beyond the source points that stand for them; none where points are all there is.
+    margin: Vec<f64>,
 }
 
 /// What an octree of B boxes knows of its points.
@@ -94,7 +96,13 @@ impl FacingTest {
         let same = std::ptr::eq(targets, sources);
         let precision = PRECISION * targets.grid.magnitude().max(sources.grid.magnitude());
         let sources = if same { None } else { Some(Extents::new(sources, &walls)) };
-        Ok(Self { targets: Extents::new(targets, &walls), sources, walls, grazing, precision })
+        Ok(Self { targets: Extents::new(targets, &walls), sources, walls, grazing, precision, margin: Vec::new() })
+    }
+
+    /// The same for source boxes whose surfaces go so far (B,) beyond their points: those may be opposite to a target where
+    /// the points are at the horizon.
+    pub fn beyond(self, margin: Vec<f64>) -> Self {
+        Self { margin, ..self }
     }
 
     /// How target box t and source box s face each other.
@@ -102,7 +110,7 @@ impl FacingTest {
         let sources = self.sources.as_ref().unwrap_or(&self.targets);
         let (a, b) = (&sources.boxes[s], &self.targets.boxes[t]);
         let d = sub(b.middle, a.middle);
-        let tolerance = self.tolerance(a, b, d);
+        let tolerance = self.tolerance(a, b, d, self.margin.get(s).copied().unwrap_or(0.0));
         let settled = |range: [f64; 2]| range[0] >= -tolerance.all || range[1] <= tolerance.none;
         let refined = |from: (&Extents, usize), to: (&Extents, usize), d| {
             let rough = rough_range(&from.0.boxes[from.1], &to.0.boxes[to.1], d);
@@ -124,7 +132,7 @@ impl FacingTest {
     }
 
     /// |n.d| up to which a pair of points may pass for lying at the horizon; d joins the middles of their boxes.
-    fn tolerance(&self, a: &Extent, b: &Extent, d: [f64; 3]) -> Tolerance {
+    fn tolerance(&self, a: &Extent, b: &Extent, d: [f64; 3], margin: f64) -> Tolerance {
         let size = a.radius + b.radius;
         let rounding = TOLERANCE * (norm(d) + size) + self.precision;
         // No pair of points is nearer than the bounding boxes: the cosine stays below `grazing` also for the nearest.
@@ -133,7 +141,7 @@ impl FacingTest {
         let same_way = dot(a.cone.axis, b.cone.axis) > 1.0 - ROUNDED_COSINE && a.chord + b.chord < ROUNDED_COSINE;
         let dropped = if same_way { rounding } else { rounding.min(ROUNDED_COSINE * between) };
         let kept = rounding.min(ROUNDED_COSINE * (between + size));
-        let grazing = self.grazing * between;
+        let grazing = self.grazing * (between - margin).max(0.0);
         Tolerance { none: dropped.max(grazing), all: kept.max(grazing) }
     }
 

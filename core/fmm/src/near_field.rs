@@ -10,6 +10,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use rstar::RTree;
 use rstar::primitives::{GeomWithData, Rectangle};
+use std::borrow::Cow;
 
 /// A patch that faces a receiver and fills so much of its view is so close that which portion is seen is chance, which
 /// does not average out over the receivers of a portion: there all that are in front count by their areas.
@@ -25,14 +26,16 @@ pub struct NearField {
     /// (K) patch of each entry.
     pub patches: Vec<u32>,
     /// (K * points_per_patch) exact form factor from the receiver to what each point of the patch stands for, without
-    /// occlusion; its share of that to the whole patch where that is close.
+    /// occlusion.
     pub form_factors: Vec<f64>,
+    /// (K) whether the patch is so close that all portions in front count by their areas.
+    pub close: Vec<bool>,
     /// (K * points_per_patch, 3) a place there in front of the receiver's horizon, where a ray tells whether it is seen.
     pub targets: Vec<[f64; 3]>,
 }
 
-/// A patch near a receiver, with the form factor to each of its portions and a place in it.
-type Entry = (u32, Vec<(f64, [f64; 3])>);
+/// A patch near a receiver, whether it is close, and the form factor to each of its portions with a place in it.
+type Entry = (u32, bool, Vec<(f64, [f64; 3])>);
 
 /// The triangles that carry the sources, `points_per_patch` consecutive ones each.
 pub struct Patches<'a> {
@@ -85,8 +88,9 @@ impl NearField {
     fn from_rows(rows: &[Vec<Entry>]) -> Self {
         let mut near = NearField { starts: vec![0], ..Default::default() };
         for row in rows {
-            for (patch, portions) in row {
+            for (patch, close, portions) in row {
                 near.patches.push(*patch);
+                near.close.push(*close);
                 near.form_factors.extend(portions.iter().map(|portion| portion.0));
                 near.targets.extend(portions.iter().map(|portion| portion.1));
             }
@@ -114,17 +118,19 @@ fn entry(x: DVec3, n_x: DVec3, q: u32, triangle: &[DVec3; 3], portions: &Portion
         let clipped = Clipped::new(x, n_x, corners);
         (clipped.form_factor(n_x), (x + clipped.centre()).into())
     };
-    let mut found: Vec<(f64, [f64; 3])> = portions.of(triangle).map(portion).collect();
+    let found: Vec<(f64, [f64; 3])> = portions.of(triangle).map(portion).collect();
     let whole: f64 = found.iter().map(|portion| portion.0).sum();
     let [a, b, c] = *triangle;
-    if whole > FILLED && (b - a).cross(c - a).normalize_or_zero().dot(n_x) < OPPOSED {
-        // Those behind the horizon have no place that a ray could ask about.
-        let in_front = found.iter().zip(&portions.shares).filter(|(portion, _)| portion.0 > 0.0);
-        let area: f64 = in_front.map(|(_, share)| share).sum();
-        let in_front = found.iter_mut().zip(&portions.shares).filter(|(portion, _)| portion.0 > 0.0);
-        in_front.for_each(|(portion, share)| portion.0 = share / area * whole);
-    }
-    (whole > 0.0).then_some((q, found))
+    let close = whole > FILLED && (b - a).cross(c - a).normalize_or_zero().dot(n_x) < OPPOSED;
+    (whole > 0.0).then_some((q, close, found))
+}
+
+/// Form factors to the portions of a close patch: of that to the whole each in front has its share by area. Those behind the
+/// horizon have no place that a ray could ask about.
+fn by_area(exact: &[f64], shares: &[f64]) -> Vec<f64> {
+    let in_front = || exact.iter().zip(shares).map(|(&f, &share)| if f > 0.0 { share } else { 0.0 });
+    let (whole, area): (f64, f64) = (exact.iter().sum(), in_front().sum());
+    in_front().map(|share| share / area * whole).collect()
 }
 
 /// What has to be added to the direct sum so that near patches count with their exact form factors: a sparse matrix
@@ -157,8 +163,9 @@ pub enum Seen<'a> {
     All,
     /// The direct sum's bits.
     Bits(&'a [u64]),
-    /// (K * points_per_patch) one for each source of each near entry.
-    Entries(&'a [bool]),
+    /// (K * points_per_patch) each, as [`crate::driver_visibility::NearSeen`] has them: whether the sum has a source of a
+    /// near entry, and whether that is known; what is known not to be in it is gathered by rays.
+    Entries(&'a [bool], &'a [bool]),
 }
 
 impl Correction {
@@ -180,7 +187,10 @@ impl Correction {
         match visible {
             Seen::All => {}
             Seen::Bits(bits) => same_length("visibility words", points.len() * count.div_ceil(64), bits.len())?,
-            Seen::Entries(entries) => same_length("near entries", near.patches.len() * per_patch, entries.len())?,
+            Seen::Entries(counted, known) => {
+                same_length("near entries", near.patches.len() * per_patch, counted.len())?;
+                same_length("near entries", near.patches.len() * per_patch, known.len())?;
+            }
         }
         if let Some(&patch) = near.patches.iter().find(|&&q| q as usize >= sources.areas.len()) {
             return Err(Error::Index { what: "near patch", index: patch as usize, count: sources.areas.len() });
@@ -188,17 +198,25 @@ impl Correction {
         let seen = |i: usize, j: usize, e: usize| match visible {
             Seen::All => true,
             Seen::Bits(bits) => bits[i * count.div_ceil(64) + j / 64] >> (j % 64) & 1 == 1,
-            Seen::Entries(entries) => entries[e * per_patch + j % per_patch],
+            Seen::Entries(counted, _) => counted[e * per_patch + j % per_patch],
         };
+        // Rays that gather meet portions one by one, by their form factors.
+        let gathered =
+            |portion: usize| matches!(visible, Seen::Entries(counted, known) if known[portion] && !counted[portion]);
         let rows: Vec<Vec<f64>> = (0..points.len())
             .into_par_iter()
             .map(|i| {
                 let mut row = Vec::new();
                 for e in near.starts[i]..near.starts[i + 1] {
                     let q = near.patches[e] as usize;
+                    let portions = e * per_patch..(e + 1) * per_patch;
+                    let mut form_factors = Cow::from(&near.form_factors[portions.clone()]);
+                    if near.close[e] && !portions.into_iter().any(gathered) {
+                        form_factors = by_area(&form_factors, sources.shares).into();
+                    }
                     for (k, share) in sources.shares.iter().enumerate() {
                         let (j, portion) = (q * per_patch + k, e * per_patch + k);
-                        let exact = fractions[portion] * near.form_factors[portion] / (share * sources.areas[q]);
+                        let exact = fractions[portion] * form_factors[k] / (share * sources.areas[q]);
                         let (y, n_y) = (sources.positions[j], sources.normals[j]);
                         let softening = sources.softening[j];
                         let point = if seen(i, j, e) { kernel(points[i], normals[i], y, n_y, softening) } else { 0.0 };

@@ -10,8 +10,6 @@ pub(crate) const MOST_CORNERS: usize = 12;
 #[derive(Debug)]
 pub struct Portions {
     polygons: Vec<Vec<[f64; 3]>>,
-    /// Of the patch's area.
-    pub shares: Vec<f64>,
 }
 
 impl Portions {
@@ -22,8 +20,7 @@ impl Portions {
             let whole = Vec::from([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
             others.fold(whole, |polygon, other| nearer(&polygon, rule[k], rule[other]))
         };
-        let polygons: Vec<_> = (0..rule.len()).map(polygon).collect();
-        Self { shares: polygons.iter().map(|polygon| share(polygon)).collect(), polygons }
+        Self { polygons: (0..rule.len()).map(polygon).collect() }
     }
 
     /// How many there are of each patch.
@@ -39,12 +36,6 @@ impl Portions {
     pub fn of<'a>(&'a self, &[a, b, c]: &'a [DVec3; 3]) -> impl Iterator<Item = impl Iterator<Item = DVec3> + 'a> + 'a {
         self.polygons.iter().map(move |polygon| polygon.iter().map(move |&[u, v, w]| u * a + v * b + w * c))
     }
-}
-
-/// Area of a polygon as a share of that of the triangle.
-fn share(polygon: &[[f64; 3]]) -> f64 {
-    let next = |i: usize| polygon[(i + 1) % polygon.len()];
-    polygon.iter().enumerate().map(|(i, p)| p[0] * next(i)[1] - p[1] * next(i)[0]).sum()
 }
 
 /// What of a convex polygon is nearer to one point than to another, in the equilateral triangle.
@@ -91,7 +82,6 @@ mod tests {
         let portions = Portions::new(&RULE);
         let areas = areas(&portions);
         assert!(areas.iter().all(|area| (area - 1.0).abs() < 1e-12), "{areas:?}");
-        assert!(portions.shares.iter().all(|share| (share - 1.0 / 3.0).abs() < 1e-12), "{portions:?}");
     }
 
     #[test]

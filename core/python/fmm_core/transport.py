@@ -206,21 +206,20 @@ class Sums:
         particles = self.particles
         asked_for = points, normals, particles.patches, self._reach, particles.rule
         near = _binding.NearField(*asked_for) if fmm is None or open_space else fmm.near_field(*asked_for)
-        counted, per_patch = None, particles.per_patch
+        per_patch = particles.per_patch
         fractions = np.ones(per_patch * len(near))
-        if open_space and fmm is not None:
-            counted, _ = fmm.near_seen(near, per_patch)
-        elif self.occlusion is not None and not open_space:
+        seen = None if fmm is None else fmm.near_seen(near, per_patch)
+        if self.occlusion is not None and not open_space:
             asked = near.form_factors() > 0
-            if fmm is not None:
-                counted, known = fmm.near_seen(near, per_patch)
+            if seen is not None:
+                counted, known = seen
                 fractions[known] = counted[known]
                 asked &= ~known
             rows = np.repeat(np.arange(len(points)), per_patch * np.diff(near.starts()).astype(np.int64))[asked]
             patch_normals = np.repeat(particles.normals[near.patches() * per_patch], per_patch, axis=0)[asked]
             ends = points[rows], normals[rows], near.targets()[asked], patch_normals
             fractions[asked] = self.occlusion.visible_targets(*ends)
-        return _binding.Correction(near, points, normals, self.sources, fractions, visible, counted)
+        return _binding.Correction(near, points, normals, self.sources, fractions, visible, seen)
 
     def direct_operator(
         self, points: NDArray[np.float64], normals: NDArray[np.float64], symmetric: bool = False, tick: Tick = silent
