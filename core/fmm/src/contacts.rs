@@ -2,6 +2,7 @@
 //! Where another mesh stands on a triangle or goes through it, the light changes from one side to the other: the triangle
 //! is cut along that line, so that no part of it stands for both sides.
 
+use crate::cuts::{Cuts, Point, between, clip, distance, left_of};
 use crate::meshes::{PARALLEL, connected, rims, triangle_tree};
 use crate::vector::{add, cross, dot, high, low, norm, scale, sub};
 use rayon::prelude::*;
@@ -17,7 +18,6 @@ const PLACE: f64 = 1e-6;
 const MOST_LINES: usize = 1000;
 
 type Vector = [f64; 3];
-type Point = [f64; 2];
 
 /// Bisections of triangles, as [`crate::surface::Surface`] has them: the first T nodes are the triangles.
 #[derive(Debug, Default, PartialEq)]
@@ -52,7 +52,7 @@ pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
             .collect();
         lines.sort_by_cached_key(|&line| plane.place(line));
         (!lines.is_empty())
-            .then(|| if lines.len() > MOST_LINES { Cuts::default() } else { Cuts::along(&lines, &plane, slack) })
+            .then(|| if lines.len() > MOST_LINES { Cuts::default() } else { Cuts::along(&lines, plane.corners, slack) })
     };
     collect((0..triangles.len()).into_par_iter().map(cut).collect())
 }
@@ -183,109 +183,6 @@ impl Plane {
         let mut flat = ends.into_iter().map(|p| [dot(p, self.axes[0]), dot(p, self.axes[1])]);
         let line = [flat.next()?, flat.next()?];
         (distance(line[0], line[1]) > slack).then_some(line)
-    }
-}
-
-fn distance(p: Point, q: Point) -> f64 {
-    (p[0] - q[0]).hypot(p[1] - q[1])
-}
-
-/// How far a point is to the left of the line through two others.
-fn left_of([p, q]: [Point; 2], x: Point) -> f64 {
-    ((q[0] - p[0]) * (x[1] - p[1]) - (q[1] - p[1]) * (x[0] - p[0])) / distance(p, q)
-}
-
-fn between(p: Point, q: Point, t: f64) -> Point {
-    [0, 1].map(|i| p[i] + t * (q[i] - p[i]))
-}
-
-/// What of a line lies more than `depth` inside a counter-clockwise triangle.
-fn clip(line: [Point; 2], corners: &[Point; 3], depth: f64) -> Option<[Point; 2]> {
-    let (mut start, mut end) = (0.0f64, 1.0f64);
-    for i in 0..3 {
-        let edge = [corners[i], corners[(i + 1) % 3]];
-        if distance(edge[0], edge[1]) == 0.0 {
-            return None;
-        }
-        let [p, q] = line.map(|x| left_of(edge, x) - depth);
-        match (p >= 0.0, q >= 0.0) {
-            (true, true) => {}
-            (false, false) => return None,
-            (false, true) => start = start.max(p / (p - q)),
-            (true, false) => end = end.min(p / (p - q)),
-        }
-    }
-    let part = [between(line[0], line[1], start), between(line[0], line[1], end)];
-    (start < end && distance(part[0], part[1]) > depth.abs()).then_some(part)
-}
-
-/// The tree of one triangle; children are later in the list than their parent.
-#[derive(Default)]
-struct Cuts {
-    nodes: Vec<Node>,
-}
-
-struct Node {
-    corners: [Point; 3],
-    edge: i8,
-    fraction: f64,
-    /// 0 for none.
-    parts: [u32; 2],
-}
-
-impl Cuts {
-    fn along(lines: &[[Point; 2]], plane: &Plane, slack: f64) -> Self {
-        let mut cuts = Self::default();
-        cuts.add(plane.corners);
-        for &line in lines {
-            let mut open = vec![0];
-            while let Some(n) = open.pop() {
-                let node = &cuts.nodes[n];
-                if clip(line, &node.corners, slack).is_none() {
-                    continue;
-                }
-                match node.edge {
-                    -1 => cuts.split(n, line, slack),
-                    _ => open.extend(node.parts.map(|part| part as usize)),
-                }
-            }
-        }
-        cuts
-    }
-
-    fn add(&mut self, corners: [Point; 3]) -> u32 {
-        self.nodes.push(Node { corners, edge: -1, fraction: 0.5, parts: [0; 2] });
-        self.nodes.len() as u32 - 1
-    }
-
-    /// Cuts a leaf along a line that goes through its inside, into two parts or three.
-    fn split(&mut self, n: usize, line: [Point; 2], slack: f64) {
-        let corners = self.nodes[n].corners;
-        let sides = corners.map(|x| left_of(line, x)).map(|side| if side.abs() <= slack { 0.0 } else { side });
-        // From a corner on the line, or else from the one that is alone on its side.
-        let first = (0..3).find(|&i| sides[i] == 0.0);
-        let alone = (0..3).find(|&i| sides[i] * sides[(i + 1) % 3] < 0.0 && sides[i] * sides[(i + 2) % 3] < 0.0);
-        if let Some(i) = first {
-            let (b, c) = ((i + 1) % 3, (i + 2) % 3);
-            if sides[b] * sides[c] < 0.0 {
-                self.bisect(n, b, sides[b] / (sides[b] - sides[c]));
-            }
-        } else if let Some(i) = alone {
-            let (b, c) = ((i + 1) % 3, (i + 2) % 3);
-            let half = self.bisect(n, i, sides[i] / (sides[i] - sides[b]));
-            // The half is (a, m, c), to be cut on the way from c to a.
-            self.bisect(half, 2, sides[c] / (sides[c] - sides[i]));
-        }
-    }
-
-    /// Cuts a leaf from a place on the edge that starts at a corner to the opposite corner; returns the first half.
-    fn bisect(&mut self, n: usize, edge: usize, fraction: f64) -> usize {
-        let [a, b, c] = [0, 1, 2].map(|i| self.nodes[n].corners[(edge + i) % 3]);
-        let m = between(a, b, fraction);
-        let parts = [self.add([a, m, c]), self.add([m, b, c])];
-        let node = &mut self.nodes[n];
-        (node.edge, node.fraction, node.parts) = (edge as i8, fraction, parts);
-        parts[0] as usize
     }
 }
 

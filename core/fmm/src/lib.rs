@@ -7,6 +7,7 @@ mod blend;
 pub mod cells;
 pub mod coincident;
 pub mod contacts;
+mod cuts;
 pub mod direct;
 mod directions;
 pub mod driver;
