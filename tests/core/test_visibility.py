@@ -264,6 +264,20 @@ def test_relight_refuses_what_a_scene_refuses():
     assert "albedo 1.5 is clamped to 0.999" in solution.relight(albedo=1.5).report["warnings"]
 
 
+def test_brighter_light_neither_hides_that_an_iteration_stopped_nor_comes_of_what_a_caller_changed():
+    scene, brief = (
+        fmm_core.Scene(TWO_BLOCKS, 0.95, EMISSION),
+        fmm_core.Settings(particles=500, max_iterations=2, probes=0),
+    )
+    assert any(
+        "iteration stopped" in text for text in fmm_core.solve(scene, brief).relight(2 * EMISSION).report["warnings"]
+    )
+    solution = fmm_core.solve(fmm_core.Scene(TWO_BLOCKS, ALBEDO, EMISSION), fmm_core.Settings(particles=500, probes=0))
+    before = solution.radiosity.copy()
+    solution.radiosity *= 2
+    assert solution.relight(3 * EMISSION).radiosity == pytest.approx(3 * before, rel=1e-6)
+
+
 def test_relight_says_where_a_new_solve_is_more_exact():
     scene = fmm_core.Scene(TWO_BLOCKS, ALBEDO, EMISSION)
     solution = fmm_core.solve(scene, fmm_core.Settings(particles=2000, **FMM))

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Where another mesh stands on a triangle or goes through it, the light changes from one side to the other: the triangle
-//! is cut along that line, so that no part of it stands for both sides.
+//! Where another mesh stands on a triangle, goes through it or ends just above it, the light changes from one side to the
+//! other: the triangle is cut along that line, so that no part of it stands for both sides.
 
-use crate::cuts::{Cuts, Point, between, clip, distance, left_of};
+use crate::cuts::{Cuts, Point, between, clip, clipped, distance, left_of, merged};
 use crate::meshes::{PARALLEL, connected, rims, triangle_tree};
 use crate::vector::{add, cross, dot, high, low, norm, scale, sub};
 use rayon::prelude::*;
@@ -16,6 +16,8 @@ const TOUCHING: f64 = 2e-4;
 const PLACE: f64 = 1e-6;
 /// A triangle with more lines on it lies in a thicket, whose light is even: it is left whole.
 const MOST_LINES: usize = 1000;
+/// So many times as many pieces of lines are not even put together.
+const MANY: usize = 4;
 
 type Vector = [f64; 3];
 
@@ -46,12 +48,16 @@ pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
             triangles[i].into_iter().reduce(high)?.map(|x| x + touching),
         );
         let others = tree.locate_in_envelope_intersecting(&envelope).map(|other| other.data);
-        let mut lines: Vec<[Point; 2]> = others
+        let met: Vec<([Point; 2], bool)> = others
             .filter(|&other| meshes[other] != meshes[i])
             .flat_map(|other| plane.lines(&triangles[other], rims[other], [touching, slack]))
             .collect();
+        if met.len() > MANY * MOST_LINES {
+            return Some(Cuts::default());
+        }
+        let mut lines = merged(met.iter().filter(|(_, cuts)| *cuts).map(|(line, _)| *line).collect(), slack);
         lines.sort_by_cached_key(|&line| plane.place(line));
-        (!lines.is_empty())
+        (!met.is_empty())
             .then(|| if lines.len() > MOST_LINES { Cuts::default() } else { Cuts::along(&lines, plane.corners, slack) })
     };
     collect((0..triangles.len()).into_par_iter().map(cut).collect())
@@ -125,21 +131,36 @@ impl Plane {
         [-steps(distance(p, q)), steps(distance(middle, self.corners[0])), steps(distance(middle, self.corners[1]))]
     }
 
-    /// Where another triangle meets this one: the line where it stands on it or goes through it, or what of its `rims` is
-    /// over this one, if it lies on it. What is nearer than the first slack is on it, and within the second at an edge.
-    fn lines(&self, other: &[Vector; 3], rims: [bool; 3], [touching, slack]: [f64; 2]) -> Vec<[Point; 2]> {
+    /// Where another triangle meets this one, and whether it is to be cut there: the line where it stands on it or goes
+    /// through it, or what of its `rims` is over this one, if it lies on it. What is nearer than the first slack is on it, and
+    /// within the second at an edge.
+    fn lines(&self, other: &[Vector; 3], rims: [bool; 3], [touching, slack]: [f64; 2]) -> Vec<([Point; 2], bool)> {
         let local = other.map(|p| sub(p, self.origin));
         let over = local.map(|p| [dot(p, self.axes[0]), dot(p, self.axes[1])]);
-        if self.is_parallel(other) && local.iter().all(|&p| dot(p, self.axes[2]).abs() <= touching) {
-            let edge = |i: usize| ([over[i], over[(i + 1) % 3]], over[(i + 2) % 3]);
-            // A strip along an edge is not worth a cut.
-            let is_strip =
-                |line| clip(line, &self.corners, slack).is_some() && clip(line, &self.corners, touching).is_none();
-            let shades = |&(line, third): &([Point; 2], Point)| self.is_beside(line, third, slack) && !is_strip(line);
-            return (0..3).filter(|&i| rims[i]).map(edge).filter(shades).map(|(line, _)| line).collect();
-        }
+        let cuts = |line| (line, true);
         let meets = |line: &[Point; 2]| clip(*line, &self.corners, -slack).is_some();
-        self.line(other, touching).filter(meets).into_iter().collect()
+        if !local.iter().all(|&p| dot(p, self.axes[2]).abs() <= touching) {
+            return self.line(other, touching).filter(meets).map(cuts).into_iter().collect();
+        }
+        let edges = (0..3).map(|i| [over[i], over[(i + 1) % 3]]);
+        if !self.is_along(other) {
+            let longest = edges.max_by(|a, b| distance(a[0], a[1]).total_cmp(&distance(b[0], b[1])));
+            return longest.filter(meets).map(cuts).into_iter().collect();
+        }
+        // A strip along an edge is not worth a cut.
+        let is_strip =
+            |line| clipped(line, &self.corners, slack).is_some() && clipped(line, &self.corners, touching).is_none();
+        let rim = |(i, line): (usize, [Point; 2])| {
+            let over_this = rims[i] && self.is_beside(line, over[(i + 2) % 3], slack);
+            over_this.then(|| (line, !is_strip(line)))
+        };
+        edges.enumerate().filter_map(rim).collect()
+    }
+
+    /// Whether another triangle is turned by less than 60 degrees against this one.
+    fn is_along(&self, other: &[Vector; 3]) -> bool {
+        let normal = cross(sub(other[1], other[0]), sub(other[2], other[0]));
+        dot(normal, self.axes[2]).abs() > 0.5 * norm(normal)
     }
 
     fn is_parallel(&self, other: &[Vector; 3]) -> bool {
@@ -161,7 +182,7 @@ impl Plane {
         let local = other.map(|p| sub(p, self.origin));
         let mut heights = local.map(|p| dot(p, self.axes[2]));
         let misses = heights.iter().all(|&h| h > slack) || heights.iter().all(|&h| h < -slack);
-        if misses || heights.iter().all(|&h| h.abs() <= slack) {
+        if misses {
             return None;
         }
         if self.is_parallel(other) {
@@ -238,24 +259,45 @@ mod tests {
         assert_ne!(contacts(&[FLOOR, wall]).edges[0], -1);
     }
 
-    #[test]
-    fn the_rim_of_what_lies_on_a_floor_cuts_it() {
-        let rug = |z| [[[1., 0.5, z], [2., 0.5, z], [1., 1.5, z]], [[2., 0.5, z], [2., 1.5, z], [1., 1.5, z]]];
-        let parts = |z| {
-            let [a, b] = rug(z);
-            leaves(&contacts(&[FLOOR, a, b]), 0, FLOOR)
+    /// A rug of n x n cells from 1 to 2, of heights by a function of both places.
+    fn rug(n: usize, height: impl Fn(usize, usize) -> f64) -> Vec<[Vector; 3]> {
+        let corner = |i: usize, j: usize| [1.0 + i as f64 / n as f64, 0.5 + j as f64 / n as f64, height(i, j)];
+        let cell = |i: usize, j: usize| {
+            let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+            [[a, b, c], [a, c, d]]
         };
-        assert_eq!(parts(1e-3).len(), 1);
-        assert!(parts(4e-4).len() > 4);
-        let middle = |p: &[Vector; 3]| scale(add(p[0], add(p[1], p[2])), 1.0 / 3.0);
-        for part in parts(4e-4) {
-            let inside = |slack: f64| {
-                part.iter()
-                    .all(|p| (1. - slack..=2. + slack).contains(&p[0]) && (0.5 - slack..=1.5 + slack).contains(&p[1]))
-            };
-            let under = (1.0..2.0).contains(&middle(&part)[0]) && (0.5..1.5).contains(&middle(&part)[1]);
-            assert_eq!(under, inside(1e-9), "{part:?}");
-        }
+        (0..n * n).flat_map(|k| cell(k / n, k % n)).collect()
+    }
+
+    /// Parts of the floor that are under the rug and beside it at once.
+    fn mixed(rug: &[[Vector; 3]]) -> usize {
+        let contacts = contacts(&[&[FLOOR], rug].concat());
+        let depth = |p: &Vector| (p[0] - 1.0).min(2.0 - p[0]).min(p[1] - 0.5).min(1.5 - p[1]);
+        let places = || (0..=20).flat_map(|i| (0..=20 - i).map(move |j| [i as f64 / 20.0, j as f64 / 20.0]));
+        let at = |&[a, b, c]: &[Vector; 3], [u, v]: [f64; 2]| add(scale(a, 1.0 - u - v), add(scale(b, u), scale(c, v)));
+        let is_mixed = |part: &[Vector; 3]| {
+            let depths = || places().map(|place| depth(&at(part, place)));
+            depths().any(|d| d > 1e-3) && depths().any(|d| d < -1e-3)
+        };
+        leaves(&contacts, 0, FLOOR).iter().filter(|part| is_mixed(part)).count()
+    }
+
+    #[test]
+    fn rugs_of_all_kinds_cut_the_floor() {
+        let flat = rug(1, |_, _| 4e-4);
+        assert_eq!(mixed(&rug(1, |_, _| 1e-2)), 1);
+        assert_eq!(mixed(&flat), 0);
+        assert_eq!(mixed(&rug(300, |_, _| 4e-4)), 0, "of many cells");
+        assert_eq!(mixed(&rug(20, |i, j| 3e-4 + 2e-4 * ((i * 7 + j * 3) % 5) as f64 / 5.0)), 0, "uneven");
+        let back: Vec<[Vector; 3]> = flat.iter().map(|&[a, b, c]| [a, c, b]).collect();
+        assert_eq!(mixed(&[flat.clone(), back.clone()].concat()), 0, "of two faces back to back");
+        let low: Vec<[Vector; 3]> = back.iter().map(|t| t.map(|p| [p[0], p[1], 1e-4])).collect();
+        let rim = [[1.0, 0.5], [2.0, 0.5], [2.0, 1.5], [1.0, 1.5]];
+        let sides = (0..4).flat_map(|i| {
+            let ([a, b], [c, d]) = (rim[i], rim[(i + 1) % 4]);
+            [[[a, b, 1e-4], [c, d, 1e-4], [c, d, 4e-4]], [[a, b, 1e-4], [c, d, 4e-4], [a, b, 4e-4]]]
+        });
+        assert_eq!(mixed(&[flat, low, sides.collect()].concat()), 0, "closed");
     }
 
     #[test]
@@ -266,6 +308,7 @@ mod tests {
         assert_eq!(contacts(&[FLOOR, under]).touched, [true, true]);
         let shifted = under.map(|p| add(p, [1e-4, 1e-4, 0.0]));
         assert_eq!(contacts(&[FLOOR, shifted]).edges, [-1, -1]);
+        assert_eq!(contacts(&[FLOOR, shifted]).touched, [true, true]);
     }
 
     #[test]

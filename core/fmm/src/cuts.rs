@@ -16,8 +16,13 @@ pub(crate) fn between(p: Point, q: Point, t: f64) -> Point {
     [0, 1].map(|i| p[i] + t * (q[i] - p[i]))
 }
 
-/// What of a line lies more than `depth` inside a counter-clockwise triangle.
+/// What of a line lies more than `depth` inside a counter-clockwise triangle, if that is longer.
 pub(crate) fn clip(line: [Point; 2], corners: &[Point; 3], depth: f64) -> Option<[Point; 2]> {
+    clipped(line, corners, depth).filter(|part| distance(part[0], part[1]) > depth.abs())
+}
+
+/// The same however short it is.
+pub(crate) fn clipped(line: [Point; 2], corners: &[Point; 3], depth: f64) -> Option<[Point; 2]> {
     let (mut start, mut end) = (0.0f64, 1.0f64);
     for i in 0..3 {
         let edge = [corners[i], corners[(i + 1) % 3]];
@@ -32,8 +37,30 @@ pub(crate) fn clip(line: [Point; 2], corners: &[Point; 3], depth: f64) -> Option
             (true, false) => end = end.min(p / (p - q)),
         }
     }
-    let part = [between(line[0], line[1], start), between(line[0], line[1], end)];
-    (start < end && distance(part[0], part[1]) > depth.abs()).then_some(part)
+    (start < end).then(|| [between(line[0], line[1], start), between(line[0], line[1], end)])
+}
+
+/// Lines with those that continue each other as one: the rim of a fine mesh is many.
+pub(crate) fn merged(mut lines: Vec<[Point; 2]>, slack: f64) -> Vec<[Point; 2]> {
+    let mut found: Vec<[Point; 2]> = Vec::new();
+    lines.sort_by(|a, b| distance(b[0], b[1]).total_cmp(&distance(a[0], a[1])));
+    while let Some(mut line) = lines.pop() {
+        // From one end on what starts there, until nothing does.
+        let grown = |line: [Point; 2], other: [Point; 2]| {
+            let ends = [[0, 0], [0, 1], [1, 0], [1, 1]];
+            let [i, j] = ends.into_iter().find(|&[i, j]| distance(line[i], other[j]) <= slack)?;
+            let whole = [line[1 - i], other[1 - j]];
+            let is_straight =
+                distance(whole[0], whole[1]) > distance(line[0], line[1]).max(distance(other[0], other[1]));
+            (is_straight && left_of(whole, line[i]).abs() <= slack).then_some(whole)
+        };
+        while let Some((k, whole)) = lines.iter().enumerate().find_map(|(k, &other)| Some((k, grown(line, other)?))) {
+            lines.swap_remove(k);
+            line = whole;
+        }
+        found.push(line);
+    }
+    found
 }
 
 /// The tree of one triangle; children are later in the list than their parent.

@@ -64,8 +64,11 @@ impl Fmm {
             let of = |b: usize| values[self.sources.points_of(b)].iter().copied().fold(0.0, f64::max);
             (0..self.sources.n_boxes()).into_par_iter().map(of).collect()
         };
-        let margin = largest(scene.radii);
-        let facing = FacingTest::new(&self.targets, &self.sources, self.lists.options.grazing)?.beyond(margin.clone());
+        // Only of whole patches it matters which place is opposite to a target: groups are coarse anyway.
+        let whole = |(&radius, &reach): (&f64, &f64)| if reach > 0.0 { radius } else { 0.0 };
+        let patches: Vec<f64> = scene.radii.iter().zip(scene.reach).map(whole).collect();
+        let facing =
+            FacingTest::new(&self.targets, &self.sources, self.lists.options.grazing)?.beyond(largest(&patches));
         let ends = |tree: &Octree| (0..tree.n_boxes()).into_par_iter().map(|b| End::new(tree, b)).collect();
         let view = View {
             targets: self.targets.clone(),
@@ -77,7 +80,7 @@ impl Fmm {
             softening: self.softening.clone(),
             reach: largest(scene.reach),
             coarse: largest(scene.coarse),
-            margin,
+            margin: largest(scene.radii),
             blockers: std::mem::take(&mut self.blockers),
             medium: self.medium.clone(),
             absorbing: Blockers::new(&self.medium.bounds(), [&self.targets, &self.sources]),

@@ -50,15 +50,20 @@ fn numbered(triangles: &[[Vector; 3]], place: impl Fn(&Vector) -> Place) -> Vec<
     triangles.iter().map(|[a, b, c]| [number(a), number(b), number(c)]).collect()
 }
 
-/// Which edges of triangles, from the first corner to the second and so on, belong to no other, in a scene of this size;
-/// corners that differ by rounding are in the same place.
+/// Which edges of triangles, from the first corner to the second and so on, belong to no other, but for those of the same
+/// corners, in a scene of this size; corners that differ by rounding are in the same place.
 pub(crate) fn rims(triangles: &[[Vector; 3]], size: f64) -> Vec<[bool; 3]> {
     let step = SAME_CORNER * size.max(f64::MIN_POSITIVE);
     let corners = numbered(triangles, |corner| corner.map(|x| (x / step).round() as i64 as u64));
-    let edges = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)].map(|(p, q)| (p.min(q), p.max(q)));
-    let mut owners = FxHashMap::with_capacity_and_hasher(3 * corners.len() / 2, FxBuildHasher);
-    corners.iter().flat_map(edges).for_each(|edge| *owners.entry(edge).or_insert(0) += 1);
-    corners.iter().map(|triangle| edges(triangle).map(|edge| owners[&edge] == 1)).collect()
+    let edges =
+        |&[a, b, c]: &[u32; 3]| [(a, b, c), (b, c, a), (c, a, b)].map(|(p, q, third)| ((p.min(q), p.max(q)), third));
+    // The third corner of all triangles there, or none where these differ.
+    let mut thirds = FxHashMap::with_capacity_and_hasher(3 * corners.len() / 2, FxBuildHasher);
+    for (edge, third) in corners.iter().flat_map(edges) {
+        let known = thirds.entry(edge).or_insert(Some(third));
+        *known = known.filter(|&known| known == third);
+    }
+    corners.iter().map(|triangle| edges(triangle).map(|(edge, _)| thirds[&edge].is_some())).collect()
 }
 
 /// Numbers in sets that are joined bit by bit.

@@ -164,7 +164,7 @@ pub enum Seen<'a> {
     /// The direct sum's bits.
     Bits(&'a [u64]),
     /// (K * points_per_patch) each, as [`crate::driver_visibility::NearSeen`] has them: whether the sum has a source of a
-    /// near entry, and whether that is known; what is known not to be in it is gathered by rays.
+    /// near entry, and whether that is known; what is known not to be in it is hidden, or gathered by rays.
     Entries(&'a [bool], &'a [bool]),
 }
 

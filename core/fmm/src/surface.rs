@@ -86,7 +86,7 @@ impl Surface {
         let front = dot(*self.normals.get(triangle as usize)?, direction) < 0.0;
         let (u, v) = self.before(triangle as usize, (f64::from(u), f64::from(v)), direction);
         self.source(triangle, (u, v), front).or_else(|| {
-            let (other, place) = self.facing(triangle, (u, v), direction).filter(|_| !front)?;
+            let (other, place) = if front { None } else { self.facing(triangle, (u, v), direction) }?;
             self.source(other, place, true)
         })
     }
@@ -104,7 +104,7 @@ impl Surface {
             let parallel = norm(cross(n, own)) < PARALLEL * norm(n) * norm(own);
             let same = parallel && dot(n, direction) < 0.0 && dot(n, to).abs() <= self.slack * norm(n);
             let [u, v] = [cross(to, sub(c, a)), cross(sub(b, a), to)].map(|part| dot(part, n) / dot(n, n));
-            let beyond = slack / dot(n, n).sqrt() * norm(sub(b, a)).max(norm(sub(c, a)));
+            let beyond = slack / norm(n) * norm(sub(b, a)).max(norm(sub(c, a))).max(norm(sub(c, b)));
             (same && u.min(v).min(1.0 - u - v) >= -beyond).then_some((other as u32, (u, v)))
         };
         let tree = self.tree.get_or_init(|| triangle_tree(&self.triangles));

@@ -152,7 +152,7 @@ def _plan(most: int, target: float | None, baked: float, application: float) -> 
     rays = float(np.clip(left / (2 * FOLLOWED * RAY_SECONDS), LEAST_RAYS, MOST_RAYS))
     asked = FROM_PROBES * rays
     probes = min(most, max(FEWEST, round(asked / ENOUGH)))
-    return probes, round(asked / probes), round(rays - asked)
+    return probes, min(PROBE_RAYS, round(asked / probes)), round(rays - asked)
 
 
 def _root(squared: float) -> float:

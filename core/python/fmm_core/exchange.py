@@ -57,7 +57,7 @@ class Exchange:
             tick = ticker(progress, 0.8, 1.0, "Exchanging light")
             parts = self.operator, scene, particles, direct, self._settings
             self._last = iterate(*parts, report, tick, self._last)
-        return self._last.radiosity
+        return self._last.radiosity.copy()
 
     def received(self, scene: Scene, radiosity: NDArray[np.float64], report: Report) -> NDArray[np.float64]:
         """Irradiance (N, 3) of the particles for their radiosity (N, C), lamps and sky, W/m^2."""

@@ -23,22 +23,21 @@ SAME = 1e-6
 
 
 class Solved(NamedTuple):
-    """Albedo, own light and radiosity (N, C) of the particles, as they were solved."""
+    """Albedo, own light and radiosity (N, C) of the particles as they were solved, and whether that came to its end."""
 
     albedo: NDArray[np.float64]
     own: NDArray[np.float64]
     radiosity: NDArray[np.float64]
+    ended: bool
 
-    def brighter(self, albedo: NDArray[np.float64], own: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """The radiosity (N, C) for light that has become brighter or darker as a whole, in each colour; None where
-        that is not all.
-        """
-        if self.own.shape[1] > own.shape[1] or not (self.albedo == albedo).all():
+    def brighter(self, albedo: NDArray[np.float64], own: NDArray[np.float64]) -> "Solved | None":
+        """The same for light that has become brighter or darker as a whole, in each colour; None where it is not."""
+        if not self.ended or self.own.shape[1] > own.shape[1] or not (self.albedo == albedo).all():
             return None
         most, brightest = self.own.max(axis=0), self.own.argmax(axis=0)
         factor = own[brightest, np.arange(own.shape[1])] / np.where(most > 0, most, 1.0)
         same = (np.abs(own - factor * self.own) <= SAME * factor * self.own).all()
-        return factor * self.radiosity if same else None
+        return Solved(albedo, factor * self.own, factor * self.radiosity, True) if same else None
 
 
 def iterate(
@@ -60,9 +59,11 @@ def iterate(
     report.counts["channels"] = channels
     parts = albedo[:, :channels], own[:, :channels]
     found = None if last is None else last.brighter(*parts)
-    if found is None:
-        found = ITERATIONS[settings.iteration](exchange, particles, *parts, settings, report, tick)
-    return Solved(*parts, found)
+    if found is not None:
+        return found
+    before = len(report.warnings)
+    radiosity = ITERATIONS[settings.iteration](exchange, particles, *parts, settings, report, tick)
+    return Solved(*parts, radiosity, len(report.warnings) == before)
 
 
 def _is_grey(colours: NDArray[np.float64]) -> bool:

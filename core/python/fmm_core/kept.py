@@ -20,7 +20,7 @@ from .errors import Error
 from .scene import Scene
 
 #: Of the file. Another number is another layout, which is refused.
-VERSION = 2
+VERSION = 3
 #: Bytes of a digest.
 DIGEST = 16
 #: Where on a triangle a ray met it is told in so many steps an edge: more than there are ever patches; shares as well.

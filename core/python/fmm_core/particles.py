@@ -141,7 +141,7 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
         np.repeat(normals, per_patch, axis=0),
     )
     # Surfaces in one place are one surface: what arrives there is not there twice.
-    shining = scene.emission.any(axis=1)
+    shining = scene.emission.any(axis=1) & (_solid(scene) == triangle_areas(scene.triangles))
     points = positions, normals, np.repeat(shining[triangle], per_patch)
     place = _binding.coincident(points, (scene.triangles, scene.two_sided, shining), SAME_PLACE * scene.size)
     return Particles(
