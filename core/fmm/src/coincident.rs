@@ -38,7 +38,7 @@ pub fn coincident(
         let around = AABB::from_corners(x.map(|c| c - slack), x.map(|c| c + slack));
         let near = tree.locate_in_envelope_intersecting(&around).map(|found| found.data);
         let mut here = [0usize; 2];
-        for i in near.filter(|&i| is_same(x, n, &sheets.triangles[i], sheets.two_sided[i], slack)) {
+        for i in near.filter(|&i| is_same(x, n, &sheets.triangles[i], sheets.two_sided[i], [slack; 2])) {
             here[usize::from(sheets.emits[i])] += 1;
         }
         if here[1] > 0 && !shines { HIDDEN } else { 1.0 / here[usize::from(shines)].max(1) as f64 }
@@ -51,15 +51,21 @@ fn normal(&[a, b, c]: &[Vector; 3]) -> Vector {
     scale(n, 1.0 / norm(n).max(f64::MIN_POSITIVE))
 }
 
-/// Whether a side of a triangle faces as a unit normal does, and is no farther from a point than `slack`, across or along.
-fn is_same(x: Vector, n: Vector, triangle: &[Vector; 3], two_sided: bool, slack: f64) -> bool {
+/// Whether a side of a triangle faces as a unit normal does, and is no farther from a point than this across and along.
+pub(crate) fn is_same(
+    x: Vector,
+    n: Vector,
+    triangle: &[Vector; 3],
+    two_sided: bool,
+    [across, along]: [f64; 2],
+) -> bool {
     let other = normal(triangle);
     let inside = |i: usize| {
         let edge = sub(triangle[(i + 1) % 3], triangle[i]);
-        dot(cross(other, edge), sub(x, triangle[i])) >= -slack * norm(edge)
+        dot(cross(other, edge), sub(x, triangle[i])) >= -along * norm(edge)
     };
     let faces = norm(cross(n, other)) < PARALLEL && (two_sided || dot(n, other) > 0.0);
-    faces && dot(other, sub(x, triangle[0])).abs() <= slack && (0..3).all(inside)
+    faces && dot(other, sub(x, triangle[0])).abs() <= across && (0..3).all(inside)
 }
 
 #[cfg(test)]

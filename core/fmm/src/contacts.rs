@@ -163,11 +163,6 @@ impl Plane {
         dot(normal, self.axes[2]).abs() > 0.5 * norm(normal)
     }
 
-    fn is_parallel(&self, other: &[Vector; 3]) -> bool {
-        let normal = cross(sub(other[1], other[0]), sub(other[2], other[0]));
-        norm(cross(normal, self.axes[2])) < PARALLEL * norm(normal)
-    }
-
     /// Whether the triangle is, within more than `slack` of a line, on the side where another point is.
     fn is_beside(&self, line: [Point; 2], point: Point, slack: f64) -> bool {
         let Some([p, q]) = clip(line, &self.corners, -slack) else { return false };
@@ -185,7 +180,8 @@ impl Plane {
         if misses {
             return None;
         }
-        if self.is_parallel(other) {
+        let normal = cross(sub(other[1], other[0]), sub(other[2], other[0]));
+        if norm(cross(normal, self.axes[2])) < PARALLEL * norm(normal) {
             return None;
         }
         for height in heights.iter_mut().filter(|h| h.abs() <= slack) {

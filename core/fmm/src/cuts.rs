@@ -45,22 +45,24 @@ pub(crate) fn merged(mut lines: Vec<[Point; 2]>, slack: f64) -> Vec<[Point; 2]> 
     let mut found: Vec<[Point; 2]> = Vec::new();
     lines.sort_by(|a, b| distance(b[0], b[1]).total_cmp(&distance(a[0], a[1])));
     while let Some(mut line) = lines.pop() {
-        // From one end on what starts there, until nothing does.
-        let grown = |line: [Point; 2], other: [Point; 2]| {
-            let ends = [[0, 0], [0, 1], [1, 0], [1, 1]];
-            let [i, j] = ends.into_iter().find(|&[i, j]| distance(line[i], other[j]) <= slack)?;
-            let whole = [line[1 - i], other[1 - j]];
-            let is_straight =
-                distance(whole[0], whole[1]) > distance(line[0], line[1]).max(distance(other[0], other[1]));
-            (is_straight && left_of(whole, line[i]).abs() <= slack).then_some(whole)
-        };
-        while let Some((k, whole)) = lines.iter().enumerate().find_map(|(k, &other)| Some((k, grown(line, other)?))) {
+        let next =
+            |line, lines: &[_]| lines.iter().enumerate().find_map(|(k, &other)| Some((k, joined(line, other, slack)?)));
+        while let Some((k, whole)) = next(line, &lines) {
             lines.swap_remove(k);
             line = whole;
         }
         found.push(line);
     }
     found
+}
+
+/// Two lines as one, if one goes straight on from an end of the other.
+fn joined(line: [Point; 2], other: [Point; 2], slack: f64) -> Option<[Point; 2]> {
+    let ends = [[0, 0], [0, 1], [1, 0], [1, 1]];
+    let [i, j] = ends.into_iter().find(|&[i, j]| distance(line[i], other[j]) <= slack)?;
+    let whole = [line[1 - i], other[1 - j]];
+    let is_longer = distance(whole[0], whole[1]) > distance(line[0], line[1]).max(distance(other[0], other[1]));
+    (is_longer && left_of(whole, line[i]).abs() <= slack).then_some(whole)
 }
 
 /// The tree of one triangle; children are later in the list than their parent.

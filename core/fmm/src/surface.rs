@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! From a point on an input triangle to the source that stands for it.
 
+use crate::coincident::is_same;
 use crate::error::{Error, same_length};
-use crate::meshes::{PARALLEL, TriangleTree, triangle_tree};
-use crate::vector::{cross, dot, high, low, norm, sub};
+use crate::meshes::{TriangleTree, triangle_tree};
+use crate::vector::{cross, dot, high, low, norm, scale, sub};
 use rstar::AABB;
 use std::sync::OnceLock;
 
@@ -86,29 +87,30 @@ impl Surface {
         let front = dot(*self.normals.get(triangle as usize)?, direction) < 0.0;
         let (u, v) = self.before(triangle as usize, (f64::from(u), f64::from(v)), direction);
         self.source(triangle, (u, v), front).or_else(|| {
-            let (other, place) = if front { None } else { self.facing(triangle, (u, v), direction) }?;
+            let (other, place) = if front { None } else { self.facing(triangle, (u, v)) }?;
             self.source(other, place, true)
         })
     }
 
     /// The triangle that faces a ray in the same place as one that looks away from it, and where on it.
-    fn facing(&self, triangle: u32, (u, v): (f64, f64), direction: [f64; 3]) -> Option<(u32, (f64, f64))> {
+    fn facing(&self, triangle: u32, place: (f64, f64)) -> Option<(u32, (f64, f64))> {
         let [a, b, c] = self.triangles[triangle as usize];
-        let x = [0, 1, 2].map(|i| (1.0 - u - v) * a[i] + u * b[i] + v * c[i]);
+        let (x, away) = (self.point(triangle as usize, place), self.normals[triangle as usize]);
+        let towards = scale(away, -1.0 / norm(away));
         let slack = self.slack + ROUNDED * norm(sub(b, a)).max(norm(sub(c, a)));
         let around = AABB::from_corners(x.map(|c| c - slack), x.map(|c| c + slack));
-        let own = self.normals[triangle as usize];
-        let place = |other: usize| {
-            let [a, b, c] = self.triangles[other];
-            let (n, to) = (self.normals[other], sub(x, a));
-            let parallel = norm(cross(n, own)) < PARALLEL * norm(n) * norm(own);
-            let same = parallel && dot(n, direction) < 0.0 && dot(n, to).abs() <= self.slack * norm(n);
-            let [u, v] = [cross(to, sub(c, a)), cross(sub(b, a), to)].map(|part| dot(part, n) / dot(n, n));
-            let beyond = slack / norm(n) * norm(sub(b, a)).max(norm(sub(c, a))).max(norm(sub(c, b)));
-            (same && u.min(v).min(1.0 - u - v) >= -beyond).then_some((other as u32, (u, v)))
-        };
         let tree = self.tree.get_or_init(|| triangle_tree(&self.triangles));
-        tree.locate_in_envelope_intersecting(&around).find_map(|found| place(found.data))
+        let mut near = tree.locate_in_envelope_intersecting(&around).map(|found| found.data);
+        let other = near.find(|&i| is_same(x, towards, &self.triangles[i], false, [self.slack, slack]))?;
+        let ([a, b, c], n) = (self.triangles[other], self.normals[other]);
+        let to = sub(x, a);
+        let [u, v] = [cross(to, sub(c, a)), cross(sub(b, a), to)].map(|part| dot(part, n) / dot(n, n));
+        Some((other as u32, (u, v)))
+    }
+
+    fn point(&self, triangle: usize, (u, v): (f64, f64)) -> [f64; 3] {
+        let [a, b, c] = self.triangles[triangle];
+        [0, 1, 2].map(|i| (1.0 - u - v) * a[i] + u * b[i] + v * c[i])
     }
 
     /// The place on a divided triangle that a ray came over just before it met it: places are rounded, and where another
@@ -133,9 +135,8 @@ impl Surface {
 
     /// The point of a triangle, none for -1.
     pub fn place(&self, triangle: i32, (u, v): (f32, f32)) -> Option<[f64; 3]> {
-        let [a, b, c] = *self.triangles.get(usize::try_from(triangle).ok()?)?;
-        let (u, v) = (f64::from(u), f64::from(v));
-        Some([0, 1, 2].map(|i| (1.0 - u - v) * a[i] + u * b[i] + v * c[i]))
+        let triangle = usize::try_from(triangle).ok().filter(|&i| i < self.triangles.len())?;
+        Some(self.point(triangle, (f64::from(u), f64::from(v))))
     }
 
     /// The unit normal of the side of a triangle that a ray comes to, none for -1.

@@ -141,7 +141,7 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
         np.repeat(normals, per_patch, axis=0),
     )
     # Surfaces in one place are one surface: what arrives there is not there twice.
-    shining = scene.emission.any(axis=1) & (_solid(scene) == triangle_areas(scene.triangles))
+    shining = scene.emission.any(axis=1) & (True if scene.opacity is None else scene.opacity.mean == 1)
     points = positions, normals, np.repeat(shining[triangle], per_patch)
     place = _binding.coincident(points, (scene.triangles, scene.two_sided, shining), SAME_PLACE * scene.size)
     return Particles(
@@ -168,30 +168,24 @@ def strong_emitters(scene: Scene) -> NDArray[np.bool_]:
     """(T,) which triangles emit more than the mean over the scene: where all surfaces emit, none stands out; and weak
     lamps, which a strong one hides from that.
     """
-    return _bright(scene) | _weak_lamps(scene)
-
-
-def _bright(scene: Scene) -> NDArray[np.bool_]:
     areas, emission = triangle_areas(scene.triangles), scene.emission.sum(axis=1)
-    return emission > 1.5 * (emission * areas).sum() / areas.sum()
+    bright = emission > 1.5 * (emission * areas).sum() / areas.sum()
+    return bright if (emission[~bright] == 0).all() else bright | _weak_lamps(areas, emission)
 
 
-def _weak_lamps(scene: Scene) -> NDArray[np.bool_]:
-    """(T,) which triangles are not bright and lie on little of the scene's area, but emit much more than the mean over
-    all that are no brighter.
+def _weak_lamps(areas: NDArray[np.float64], emission: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(T,) which triangles lie on little of the scene's area, but emit much more than the mean over all that are no
+    brighter.
     """
-    bright, emission = _bright(scene), scene.emission.sum(axis=1)
     found = np.zeros(len(emission), bool)
-    if (emission[~bright] == 0).all():
-        return found
     order = np.argsort(emission, kind="stable")
-    brightness, areas = emission[order], triangle_areas(scene.triangles)[order]
+    brightness, areas = emission[order], areas[order]
     # Of equally bright ones all count, or none.
     before, last = (np.searchsorted(brightness, brightness, side=side) for side in ("left", "right"))
     upto = np.append(0.0, np.cumsum(areas))
     mean = np.cumsum(brightness * areas)[last - 1] / upto[last]
     found[order] = (brightness > 3 * mean) & (upto[before] > (1 - LAMPS) * upto[-1])
-    return found & ~bright
+    return found
 
 
 def serve(particles: Particles, first: Scene, scene: Scene) -> bool:
