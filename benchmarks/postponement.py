@@ -7,8 +7,6 @@ finds which pairs see each other. Alpha (eq 13) is the share of the pairs of box
 that of "rays" counts pairs which no shaft proves clear, and does not compare. Each row is a process of its own.
 """
 
-import importlib
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -20,11 +18,12 @@ from common import Array, Row, in_child, parser, print_machine, print_table, wri
 from fmm_core import Scene, Settings, solve
 from scenes import cornell
 
+from examples import example
+
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-ROOT = Path(__file__).parents[1]
 SIZES = (2_000, 5_000, 10_000, 20_000, 30_000, 50_000)
 SMALL = (300, 600)
 ALGORITHMS = ("cells", "rays")
@@ -57,14 +56,8 @@ def room(blocks: int) -> Triangles:
 
 def alternative() -> Triangles:
     """The gallery of the examples, as the extension reads it."""
-    # Blender has a module `cycles`, which the benchmark of that name must not hide.
-    sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder) != Path(__file__).parent)]
-    bpy = importlib.import_module("bpy")
-    importlib.import_module("addon.standalone")._load_extension()
-    export = importlib.import_module("fmm_radiosity.addon.export")
-    bpy.ops.wm.open_mainfile(filepath=str(ROOT / "examples" / "alternative.blend"))
-    arrays = export.read_scene(bpy.context.evaluated_depsgraph_get()).arrays()
-    return arrays.triangles, arrays.albedo, arrays.emission
+    scene, _ = example("alternative")
+    return scene.triangles, scene.albedo, scene.emission
 
 
 def load(scene: str) -> Triangles:
@@ -104,7 +97,7 @@ def run(scenes: list[str], sizes: tuple[int, ...]) -> list[Row]:
     """A row for each scene, size and algorithm; sizes below a scene's number of triangles are left out."""
     rows: list[Row] = []
     for scene in scenes:
-        triangles, albedo, emission = in_child(load, scene)
+        triangles, albedo, emission = load(scene)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "scene.npz"
             np.savez(path, triangles=triangles, albedo=albedo, emission=emission)
