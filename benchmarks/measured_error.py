@@ -145,13 +145,14 @@ CASES = (
     Case("columns", columns),
     *(Case(name.replace("_", " "), partial(examples.example, name)) for name in examples.NAMES),
 )
-SMALL = ("room, 500 points",)
+#: The scene of a short run, and the share of the rays that the truth is found with there.
+SMALL, FEW = ("room, 500 points",), 0.1
 
 
-def truth(scene: Scene, points: Points) -> Array:
-    """Two independent estimates (2, M, 3) of the irradiance at the points."""
-    rays = int(np.clip(TRUTH_RAYS // len(points[0]), LEAST_RAYS, MOST_RAYS))
-    return solve(scene, FINE).estimates(*points, rays, TRUTH_SAMPLES)
+def truth(scene: Scene, points: Points, effort: float) -> Array:
+    """Two independent estimates (2, M, 3) of the irradiance at the points, by a share of all rays."""
+    rays = np.clip(TRUTH_RAYS // len(points[0]), LEAST_RAYS, MOST_RAYS)
+    return solve(scene, FINE).estimates(*points, round(effort * rays), round(effort * TRUTH_SAMPLES))
 
 
 def true_error(found: Array, exact: Array) -> float:
@@ -162,15 +163,15 @@ def true_error(found: Array, exact: Array) -> float:
 
 
 @lru_cache(maxsize=1)
-def judged(make: Callable[[], tuple[Scene, Points]]) -> tuple[Scene, Points, Array]:
+def judged(make: Callable[[], tuple[Scene, Points]], effort: float) -> tuple[Scene, Points, Array]:
     """A scene, where it is baked, and what is true there; kept for the next case of the same scene."""
     scene, points = make()
-    return scene, points, truth(scene, points)
+    return scene, points, truth(scene, points, effort)
 
 
-def run(case: Case) -> Row:
+def run(case: Case, effort: float) -> Row:
     """Measured and true error of one bake."""
-    scene, points, exact = judged(case.make)
+    scene, points, exact = judged(case.make, effort)
     solution = solve(scene, Settings(**({"method": "fmm", "particles": 8000} | case.options)))
     found = solution.irradiance(*points)
     error, seconds = solution.report["error"], solution.report["seconds"]
@@ -191,7 +192,8 @@ def main() -> None:
     options.add_argument("--only", nargs="+", choices=[case.name for case in CASES], help="some of the scenes")
     arguments: argparse.Namespace = options.parse_args()
     names = SMALL if arguments.small else arguments.only
-    rows = [run(case) for case in CASES if names is None or case.name in names]
+    effort = FEW if arguments.small else 1.0
+    rows = [run(case, effort) for case in CASES if names is None or case.name in names]
     print_table(rows, COLUMNS)
     outside = [row["name"] for row in rows if not 1 / FACTOR <= row["ratio"] <= FACTOR]
     print(f"{len(rows) - len(outside)} of {len(rows)} within a factor of {FACTOR}", *outside, sep="; ")

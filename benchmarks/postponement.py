@@ -25,7 +25,7 @@ import matplotlib.pyplot as plt
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 SIZES = (2_000, 5_000, 10_000, 20_000, 30_000, 50_000)
-SMALL = (300, 600)
+SMALL = (600,)
 ALGORITHMS = ("cells", "rays")
 STYLES = {"cells": "o-", "rays": "s--"}
 COLUMNS = {

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapes
 from fmm_core import accuracy, visibility
+from fmm_core.particles import strong_emitters
 
 FMM = {"method": "fmm", "probes": 0}
 
@@ -208,6 +209,21 @@ def test_a_lamp_in_the_plane_of_the_ceiling_gives_all_of_its_light(method, below
         return solution.irradiance(*shapes.random_points(shapes.room()[:4], 40))
 
     assert error(lit(1.0 - below), lit(1.0 - 1e-4)) < 0.01
+
+
+@pytest.mark.parametrize("off", [0.0, 5e-7])
+@pytest.mark.parametrize("method", ["fmm", "direct"])
+def test_a_faint_panel_in_the_plane_of_a_wall_gives_all_of_its_light(method, off):
+    def lit(off):
+        panel = shapes.quad([off, 0.05, 0.05], [off, 0.95, 0.05], [off, 0.95, 0.95], [off, 0.05, 0.95])
+        # A lamp outside, beside which the panel is faint.
+        parts = [shapes.subdivided_room(4), panel, LAMP + [3.0, 0.0, 0.0]]
+        scene = fmm_core.Scene(np.concatenate(parts), 0.5, np.repeat([0.0, 1.0, 1e4], [len(part) for part in parts]))
+        assert not strong_emitters(scene)[len(parts[0])]
+        solution = fmm_core.solve(scene, fmm_core.Settings(particles=4000, method=method, probes=0))
+        return solution.irradiance(*shapes.random_points(shapes.room()[2:], 40))
+
+    assert error(lit(off), lit(1e-4)) < 0.01
 
 
 @pytest.mark.parametrize("method", ["fmm", "direct"])

@@ -13,7 +13,7 @@ BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "cycles.py"
 
 @pytest.mark.parametrize("scene", ["cornell", "clutter"])
 def test_benchmark_compares_one_small_scene_of_both_engines(scene, tmp_path):
-    options = ["--scene", scene, "--vertices", "2500", "--objects", "4", "--truth-particles", "3000"]
+    options = ["--scene", scene, "--vertices", "2500", "--objects", "4", "--truth-particles", "3000", "--sample", "400"]
     command = [sys.executable, BENCHMARK, "--json", "--samples", "2", "8", "--cache", tmp_path, *options]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr

@@ -264,8 +264,8 @@ impl Fmm {
     }
 }
 
-/// The input triangles (T, 3, 3) with the tree of their bisections: edges (K,), fractions (K,), parts (K, 2), and the barycentric
-/// coordinates (points_per_patch, 3) of the sources on each of so many patches.
+/// The input triangles (T, 3, 3) with the tree of their bisections: edges (K,), fractions (K,), parts (K, 2), the barycentric
+/// coordinates (points_per_patch, 3) of the sources on a patch, and which sources (N,) something hides in their place.
 #[pyclass(frozen)]
 pub struct Surface {
     surface: ::fmm::surface::Surface,
@@ -281,15 +281,15 @@ impl Surface {
         fractions: PyReadonlyArray1<f64>,
         parts: PyReadonlyArray2<u32>,
         rule: Points,
-        patches: usize,
+        hidden: PyReadonlyArray1<bool>,
     ) -> PyResult<Self> {
         let (halves, rest) = parts.as_slice().map_err(value_error)?.as_chunks::<2>();
         if parts.as_array().ncols() != 2 || !rest.is_empty() {
             return Err(value_error("parts: expected shape (K, 2)"));
         }
         let (scene, rule) = (triangles(&scene)?, triples(&rule, "rule")?);
-        let (edges, fractions) = (flat(&edges)?, flat(&fractions)?);
-        let build = || ::fmm::surface::Surface::new(scene, edges, fractions, halves, rule, patches);
+        let (edges, fractions, hidden) = (flat(&edges)?, flat(&fractions)?, flat(&hidden)?);
+        let build = || ::fmm::surface::Surface::new(scene, edges, fractions, halves, rule, hidden);
         Ok(Surface { surface: py.detach(build).map_err(value_error)? })
     }
 

@@ -9,9 +9,6 @@ use rstar::AABB;
 
 type Vector = [f64; 3];
 
-/// The share of a place that a surface has which others that emit lie in front of.
-const HIDDEN: f64 = 1e-6;
-
 /// Triangles (T, 3, 3), and for each whether both of its sides count, and whether it emits.
 #[derive(Clone, Copy)]
 pub struct Sheets<'a> {
@@ -41,7 +38,7 @@ pub fn coincident(
         for i in near.filter(|&i| is_same(x, n, &sheets.triangles[i], sheets.two_sided[i], [slack; 2])) {
             here[usize::from(sheets.emits[i])] += 1;
         }
-        if here[1] > 0 && !shines { HIDDEN } else { 1.0 / here[usize::from(shines)].max(1) as f64 }
+        if here[1] > 0 && !shines { 0.0 } else { 1.0 / here[usize::from(shines)].max(1) as f64 }
     };
     Ok(points.par_iter().zip(normals).zip(emits).map(share).collect())
 }
@@ -102,7 +99,7 @@ mod tests {
     #[test]
     fn what_emits_hides_what_does_not() {
         let x = [0.5, 0.3, 0.0];
-        assert_eq!(share(OVER, false, [false, true], x), HIDDEN);
+        assert_eq!(share(OVER, false, [false, true], x), 0.0);
         assert_eq!(share(OVER, false, [true, false], x), 1.0);
         assert_eq!(share(OVER, false, [true, true], x), 0.5);
     }

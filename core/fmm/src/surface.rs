@@ -36,18 +36,22 @@ pub struct Surface {
     parts: Vec<[u32; 2]>,
     /// (points_per_patch, 3) barycentric coordinates of the sources on a patch.
     rule: Vec<[f64; 3]>,
+    /// (N,) which sources something that emits hides, in the same place.
+    hidden: Vec<bool>,
 }
 
 impl Surface {
-    /// See the fields; `patches` is how many there are.
+    /// See the fields.
     pub fn new(
         triangles: &[[[f64; 3]; 3]],
         edges: &[i8],
         fractions: &[f64],
         parts: &[[u32; 2]],
         rule: &[[f64; 3]],
-        patches: usize,
+        hidden: &[bool],
     ) -> Result<Self, Error> {
+        let patches = hidden.len() / rule.len().max(1);
+        same_length("hidden sources", patches * rule.len(), hidden.len())?;
         same_length("bisection parts", edges.len(), parts.len())?;
         same_length("bisection fractions", edges.len(), fractions.len())?;
         if edges.len() < triangles.len() {
@@ -77,6 +81,7 @@ impl Surface {
             fractions,
             parts: parts.to_vec(),
             rule: rule.to_vec(),
+            hidden: hidden.to_vec(),
         })
     }
 
@@ -85,27 +90,33 @@ impl Surface {
         let triangle = u32::try_from(triangle).ok()?;
         let direction = direction.map(f64::from);
         let front = dot(*self.normals.get(triangle as usize)?, direction) < 0.0;
-        let (u, v) = self.before(triangle as usize, (f64::from(u), f64::from(v)), direction);
-        self.source(triangle, (u, v), front).or_else(|| {
-            let (other, place) = if front { None } else { self.facing(triangle, (u, v)) }?;
-            self.source(other, place, true)
-        })
+        let place = self.before(triangle as usize, (f64::from(u), f64::from(v)), direction);
+        let met = self.source(triangle, place, front);
+        match met {
+            Some(source) if !self.hidden[source as usize] => met,
+            None if front => None,
+            _ => self.in_front(triangle, place, front).or(met),
+        }
     }
 
-    /// The triangle that faces a ray in the same place as one that looks away from it, and where on it.
-    fn facing(&self, triangle: u32, place: (f64, f64)) -> Option<(u32, (f64, f64))> {
+    /// The source that faces a ray in the same place as a side of a triangle that has none, or a hidden one.
+    fn in_front(&self, triangle: u32, place: (f64, f64), front: bool) -> Option<u32> {
         let [a, b, c] = self.triangles[triangle as usize];
-        let (x, away) = (self.point(triangle as usize, place), self.normals[triangle as usize]);
-        let towards = scale(away, -1.0 / norm(away));
+        let (x, n) = (self.point(triangle as usize, place), self.normals[triangle as usize]);
+        let towards = scale(n, if front { 1.0 } else { -1.0 } / norm(n));
         let slack = self.slack + ROUNDED * norm(sub(b, a)).max(norm(sub(c, a)));
         let around = AABB::from_corners(x.map(|c| c - slack), x.map(|c| c + slack));
         let tree = self.tree.get_or_init(|| triangle_tree(&self.triangles));
-        let mut near = tree.locate_in_envelope_intersecting(&around).map(|found| found.data);
-        let other = near.find(|&i| is_same(x, towards, &self.triangles[i], false, [self.slack, slack]))?;
-        let ([a, b, c], n) = (self.triangles[other], self.normals[other]);
-        let to = sub(x, a);
-        let [u, v] = [cross(to, sub(c, a)), cross(sub(b, a), to)].map(|part| dot(part, n) / dot(n, n));
-        Some((other as u32, (u, v)))
+        let source = |i: usize| {
+            let (corners, n) = (&self.triangles[i], self.normals[i]);
+            let [a, b, c] = *corners;
+            let to = sub(x, a);
+            let [u, v] = [cross(to, sub(c, a)), cross(sub(b, a), to)].map(|part| dot(part, n) / dot(n, n));
+            let here = is_same(x, towards, corners, true, [self.slack, slack]);
+            let found = if here { self.source(i as u32, (u, v), dot(n, towards) > 0.0) } else { None };
+            found.filter(|&source| !self.hidden[source as usize])
+        };
+        tree.locate_in_envelope_intersecting(&around).find_map(|found| source(found.data))
     }
 
     fn point(&self, triangle: usize, (u, v): (f64, f64)) -> [f64; 3] {
@@ -219,7 +230,7 @@ mod tests {
             let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
             let (edges, parts, patches) = cut(depth);
             let third = [[1.0 / 3.0; 3]];
-            let surface = Surface::new(&[CORNERS], &edges, &vec![0.5; edges.len()], &parts, &third, patches.len()).unwrap();
+            let surface = Surface::new(&[CORNERS], &edges, &vec![0.5; edges.len()], &parts, &third, &vec![false; patches.len()]).unwrap();
             let [a, b, c] = patches[surface.source(0, (u, v), true).unwrap() as usize];
             let x = point(CORNERS, [1.0 - u - v, u, v]);
             let area = |p: [f64; 3], q: [f64; 3], r: [f64; 3]| cross(sub(q, p), sub(r, p))[2];
@@ -232,7 +243,7 @@ mod tests {
     #[test]
     fn the_nearest_quadrature_point_stands_for_a_point_on_either_side() {
         let rule = [[2. / 3., 1. / 6., 1. / 6.], [1. / 6., 2. / 3., 1. / 6.], [1. / 6., 1. / 6., 2. / 3.]];
-        let surface = Surface::new(&[CORNERS], &[-1], &[0.5], &[[0, 1]], &rule, 2).unwrap();
+        let surface = Surface::new(&[CORNERS], &[-1], &[0.5], &[[0, 1]], &rule, &[false; 6]).unwrap();
         assert_eq!(surface.source(0, (0.1, 0.1), true), Some(0));
         assert_eq!(surface.source(0, (0.8, 0.1), true), Some(1));
         assert_eq!(surface.source(0, (0.8, 0.1), false), Some(5));
@@ -242,9 +253,15 @@ mod tests {
     fn of_two_triangles_at_one_place_the_one_that_faces_the_ray_is_met() {
         let [a, b, c] = CORNERS;
         let rule = [[2. / 3., 1. / 6., 1. / 6.], [1. / 6., 2. / 3., 1. / 6.], [1. / 6., 1. / 6., 2. / 3.]];
-        let surface =
-            Surface::new(&[[a, b, c], [c, b, a]], &[-1, -1], &[0.5; 2], &[[0, NO_PATCH], [1, NO_PATCH]], &rule, 2)
-                .unwrap();
+        let surface = Surface::new(
+            &[[a, b, c], [c, b, a]],
+            &[-1, -1],
+            &[0.5; 2],
+            &[[0, NO_PATCH], [1, NO_PATCH]],
+            &rule,
+            &[false; 6],
+        )
+        .unwrap();
         let down = [0.0, 0.0, -1.0];
         // Near corner b, from above: on the front of the first, whichever of the two is hit.
         assert_eq!(surface.met(0, (0.9, 0.05), down), Some(1));
@@ -253,8 +270,26 @@ mod tests {
     }
 
     #[test]
+    fn a_ray_meets_what_hides_another_in_the_same_place_from_whichever_side_it_faces() {
+        let ([a, b, c], down) = (CORNERS, [0.0, 0.0, -1.0]);
+        let (rule, hidden) = ([[1. / 3.; 3]], [true, false, false]);
+        for (lamp, parts) in [([a, b, c], [1, NO_PATCH]), ([a, c, b], [2, 1])] {
+            let surface =
+                Surface::new(&[[a, b, c], lamp], &[-1, -1], &[0.5; 2], &[[0, NO_PATCH], parts], &rule, &hidden)
+                    .unwrap();
+            assert_eq!(surface.met(0, (0.2, 0.3), down), Some(1));
+            assert_eq!(surface.met(1, (0.2, 0.3), down), Some(1));
+        }
+        let far = CORNERS.map(|p| [p[0], p[1], 1.0]);
+        let surface =
+            Surface::new(&[[a, b, c], far], &[-1, -1], &[0.5; 2], &[[0, NO_PATCH], [1, NO_PATCH]], &rule, &hidden[..2])
+                .unwrap();
+        assert_eq!(surface.met(0, (0.2, 0.3), down), Some(0));
+    }
+
+    #[test]
     fn a_ray_comes_to_the_side_that_looks_at_it() {
-        let surface = Surface::new(&[CORNERS], &[-1], &[0.5], &[[0, 1]], &[[1. / 3.; 3]], 2).unwrap();
+        let surface = Surface::new(&[CORNERS], &[-1], &[0.5], &[[0, 1]], &[[1. / 3.; 3]], &[false; 2]).unwrap();
         assert_eq!(surface.side(0, [0.1, 0.0, -2.0]), Some([0.0, 0.0, 1.0]));
         assert_eq!(surface.side(0, [0.1, 0.0, 2.0]).map(|side| side[2]), Some(-1.0));
         assert_eq!(surface.side(-1, [0.0, 0.0, 1.0]), None);
@@ -263,7 +298,7 @@ mod tests {
     #[test]
     fn a_cycle_and_a_patch_that_is_not_there_are_refused() {
         let rule = [[1. / 3.; 3]];
-        assert!(Surface::new(&[CORNERS], &[0], &[0.5], &[[0, 0]], &rule, 1).is_err());
-        assert!(Surface::new(&[CORNERS], &[-1], &[0.5], &[[1, NO_PATCH]], &rule, 1).is_err());
+        assert!(Surface::new(&[CORNERS], &[0], &[0.5], &[[0, 0]], &rule, &[false]).is_err());
+        assert!(Surface::new(&[CORNERS], &[-1], &[0.5], &[[1, NO_PATCH]], &rule, &[false]).is_err());
     }
 }

@@ -138,7 +138,7 @@ class Surface:
         fractions: NDArray[np.float64],
         parts: NDArray[np.uint32],
         rule: NDArray[np.float64],
-        patches: int,
+        hidden: NDArray[np.bool_],
     ) -> None: ...
     def met(
         self,

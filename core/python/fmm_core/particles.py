@@ -25,6 +25,8 @@ SOFTENING = 1e-3
 ALBEDO_STEPS = 16
 #: Surfaces closer than this share of the scene are in one place: rays cannot tell them apart.
 SAME_PLACE = 1e-6
+#: The share of its place that a surface has which others that emit lie in front of.
+HIDDEN = 1e-6
 #: Tells rows of surface properties apart by one number each.
 _SPREAD = np.random.default_rng(0).random(7)
 #: What a leaf of the bisection names where there is no patch.
@@ -39,7 +41,8 @@ class Particles:
     """Quadrature points, `per_patch` consecutive ones a patch; two-sided triangles have patches on both sides.
 
     positions, normals (N, 3); weights (N,) area of what is there: less where it is partly transparent, or shares its
-    place with other surfaces, and next to none where one of those emits and it does not
+    place with other surfaces, and next to none where it is hidden
+    hidden (N,) whether one of those emits and it does not
     triangle (N,) row of the scene; emits (N,) whether that emits strongly; per_patch int
     patches (P, 3, 3) corners; areas (P,); radii (P,) from centroid to farthest corner
     whole (P,) whether the patch is all that its points stand for: where a mesh is finer than the light needs, a
@@ -52,6 +55,7 @@ class Particles:
     positions: NDArray[np.float64]
     normals: NDArray[np.float64]
     weights: NDArray[np.float64]
+    hidden: NDArray[np.bool_]
     triangle: NDArray[np.int64]
     emits: NDArray[np.bool_]
     per_patch: int
@@ -103,7 +107,7 @@ class Particles:
     def only(self, chosen: NDArray[np.bool_]) -> "Particles":
         """The particles (N,) that are chosen, patch by patch."""
         patches = chosen.reshape(-1, self.per_patch)[:, 0]
-        of_points = ("positions", "normals", "weights", "triangle", "emits")
+        of_points = ("positions", "normals", "weights", "hidden", "triangle", "emits")
         of_patches = ("patches", "areas", "radii", "whole")
         parts = {name: getattr(self, name)[chosen] for name in of_points}
         return replace(self, **parts, **{name: getattr(self, name)[patches] for name in of_patches})
@@ -147,7 +151,8 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
     return Particles(
         positions=positions,
         normals=normals,
-        weights=(solid[:, None] * shares).ravel() * place,
+        weights=(solid[:, None] * shares).ravel() * np.maximum(place, HIDDEN),
+        hidden=place == 0,
         triangle=np.repeat(triangle, per_patch),
         emits=np.repeat(emits[triangle], per_patch),
         per_patch=per_patch,
@@ -195,7 +200,10 @@ def serve(particles: Particles, first: Scene, scene: Scene) -> bool:
     """
     if (first.emission.any(axis=1) != scene.emission.any(axis=1)).any():
         return False
-    if (strong_emitters(first) != strong_emitters(scene)).any():
+    # Each triangle that emits strongly has particles of its own.
+    strong = np.zeros(len(scene.triangles), bool)
+    strong[particles.triangle[particles.emits]] = True
+    if (strong != strong_emitters(scene)).any():
         return False
     uncut = np.flatnonzero(particles.edges[: len(scene.triangles)] < 0)
     stand_in = particles.triangle[particles.per_patch * particles.parts[uncut, 0].astype(np.int64)]

@@ -241,7 +241,7 @@ class Occlusion:
     def surface(self, particles: Particles) -> _binding.Surface:
         """The triangles, with what tells which particle stands for a point on them."""
         parts = particles.edges, particles.fractions, particles.parts, particles.rule
-        return _binding.Surface(self.triangles, *parts, len(particles.patches))
+        return _binding.Surface(self.triangles, *parts, particles.hidden)
 
     def occlude(
         self,
