@@ -265,7 +265,8 @@ impl Fmm {
 }
 
 /// The input triangles (T, 3, 3) with the tree of their bisections: edges (K,), fractions (K,), parts (K, 2), the barycentric
-/// coordinates (points_per_patch, 3) of the sources on a patch, and which sources (N,) something hides in their place.
+/// coordinates (points_per_patch, 3) of the sources on a patch, which sources (N,) something hides in their place, and
+/// how far apart (scene units) surfaces in one place are at most.
 #[pyclass(frozen)]
 pub struct Surface {
     surface: ::fmm::surface::Surface,
@@ -277,19 +278,19 @@ impl Surface {
     fn new(
         py: Python,
         scene: PyReadonlyArray3<f64>,
-        edges: PyReadonlyArray1<i8>,
-        fractions: PyReadonlyArray1<f64>,
-        parts: PyReadonlyArray2<u32>,
+        bisections: (PyReadonlyArray1<i8>, PyReadonlyArray1<f64>, PyReadonlyArray2<u32>),
         rule: Points,
         hidden: PyReadonlyArray1<bool>,
+        slack: f64,
     ) -> PyResult<Self> {
+        let (edges, fractions, parts) = bisections;
         let (halves, rest) = parts.as_slice().map_err(value_error)?.as_chunks::<2>();
         if parts.as_array().ncols() != 2 || !rest.is_empty() {
             return Err(value_error("parts: expected shape (K, 2)"));
         }
         let (scene, rule) = (triangles(&scene)?, triples(&rule, "rule")?);
         let (edges, fractions, hidden) = (flat(&edges)?, flat(&fractions)?, flat(&hidden)?);
-        let build = || ::fmm::surface::Surface::new(scene, edges, fractions, halves, rule, hidden);
+        let build = || ::fmm::surface::Surface::new(scene, edges, fractions, halves, rule, hidden, slack);
         Ok(Surface { surface: py.detach(build).map_err(value_error)? })
     }
 

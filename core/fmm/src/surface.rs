@@ -4,7 +4,7 @@
 use crate::coincident::is_same;
 use crate::error::{Error, same_length};
 use crate::meshes::{TriangleTree, triangle_tree};
-use crate::vector::{cross, dot, high, low, norm, scale, sub};
+use crate::vector::{cross, dot, norm, scale, sub};
 use rstar::AABB;
 use std::sync::OnceLock;
 
@@ -13,9 +13,6 @@ pub const NO_PATCH: u32 = u32::MAX;
 
 /// How far off a place on a triangle may be, as a share of its edges: places are kept in steps of 1 in 32,768.
 const ROUNDED: f64 = 4e-5;
-
-/// Surfaces no farther apart than this share of the scene are in one place: which of them a ray meets is chance.
-const SAME_PLACE: f64 = 1e-6;
 
 /// The undivided triangles, each the root of a tree of bisections whose leaves are patches.
 #[derive(Debug)]
@@ -26,7 +23,7 @@ pub struct Surface {
     normals: Vec<[f64; 3]>,
     /// Finds triangles, made when it is first needed.
     tree: OnceLock<TriangleTree>,
-    /// Distance between surfaces in one place.
+    /// Surfaces no farther apart are in one place: which of them a ray meets is chance.
     slack: f64,
     /// (K,) edge at which a node is cut, from that corner to the next; -1 for a leaf. The first T nodes are the triangles.
     edges: Vec<i8>,
@@ -49,6 +46,7 @@ impl Surface {
         parts: &[[u32; 2]],
         rule: &[[f64; 3]],
         hidden: &[bool],
+        slack: f64,
     ) -> Result<Self, Error> {
         let patches = hidden.len() / rule.len().max(1);
         same_length("hidden sources", patches * rule.len(), hidden.len())?;
@@ -69,14 +67,12 @@ impl Surface {
             }
         }
         let normals = triangles.iter().map(|t| cross(sub(t[1], t[0]), sub(t[2], t[0]))).collect();
-        let corners = || triangles.iter().flatten().copied();
-        let sides = sub(corners().fold([f64::NEG_INFINITY; 3], high), corners().fold([f64::INFINITY; 3], low));
         let (edges, fractions) = (edges.to_vec(), fractions.to_vec());
         Ok(Self {
             triangles: triangles.to_vec(),
             normals,
             tree: OnceLock::new(),
-            slack: SAME_PLACE * sides.into_iter().fold(0.0, f64::max),
+            slack,
             edges,
             fractions,
             parts: parts.to_vec(),
@@ -230,7 +226,7 @@ mod tests {
             let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
             let (edges, parts, patches) = cut(depth);
             let third = [[1.0 / 3.0; 3]];
-            let surface = Surface::new(&[CORNERS], &edges, &vec![0.5; edges.len()], &parts, &third, &vec![false; patches.len()]).unwrap();
+            let surface = Surface::new(&[CORNERS], &edges, &vec![0.5; edges.len()], &parts, &third, &vec![false; patches.len()], 1e-6).unwrap();
             let [a, b, c] = patches[surface.source(0, (u, v), true).unwrap() as usize];
             let x = point(CORNERS, [1.0 - u - v, u, v]);
             let area = |p: [f64; 3], q: [f64; 3], r: [f64; 3]| cross(sub(q, p), sub(r, p))[2];
@@ -243,7 +239,7 @@ mod tests {
     #[test]
     fn the_nearest_quadrature_point_stands_for_a_point_on_either_side() {
         let rule = [[2. / 3., 1. / 6., 1. / 6.], [1. / 6., 2. / 3., 1. / 6.], [1. / 6., 1. / 6., 2. / 3.]];
-        let surface = Surface::new(&[CORNERS], &[-1], &[0.5], &[[0, 1]], &rule, &[false; 6]).unwrap();
+        let surface = Surface::new(&[CORNERS], &[-1], &[0.5], &[[0, 1]], &rule, &[false; 6], 1e-6).unwrap();
         assert_eq!(surface.source(0, (0.1, 0.1), true), Some(0));
         assert_eq!(surface.source(0, (0.8, 0.1), true), Some(1));
         assert_eq!(surface.source(0, (0.8, 0.1), false), Some(5));
@@ -260,6 +256,7 @@ mod tests {
             &[[0, NO_PATCH], [1, NO_PATCH]],
             &rule,
             &[false; 6],
+            1e-6,
         )
         .unwrap();
         let down = [0.0, 0.0, -1.0];
@@ -275,21 +272,28 @@ mod tests {
         let (rule, hidden) = ([[1. / 3.; 3]], [true, false, false]);
         for (lamp, parts) in [([a, b, c], [1, NO_PATCH]), ([a, c, b], [2, 1])] {
             let surface =
-                Surface::new(&[[a, b, c], lamp], &[-1, -1], &[0.5; 2], &[[0, NO_PATCH], parts], &rule, &hidden)
+                Surface::new(&[[a, b, c], lamp], &[-1, -1], &[0.5; 2], &[[0, NO_PATCH], parts], &rule, &hidden, 1e-6)
                     .unwrap();
             assert_eq!(surface.met(0, (0.2, 0.3), down), Some(1));
             assert_eq!(surface.met(1, (0.2, 0.3), down), Some(1));
         }
         let far = CORNERS.map(|p| [p[0], p[1], 1.0]);
-        let surface =
-            Surface::new(&[[a, b, c], far], &[-1, -1], &[0.5; 2], &[[0, NO_PATCH], [1, NO_PATCH]], &rule, &hidden[..2])
-                .unwrap();
+        let surface = Surface::new(
+            &[[a, b, c], far],
+            &[-1, -1],
+            &[0.5; 2],
+            &[[0, NO_PATCH], [1, NO_PATCH]],
+            &rule,
+            &hidden[..2],
+            1e-6,
+        )
+        .unwrap();
         assert_eq!(surface.met(0, (0.2, 0.3), down), Some(0));
     }
 
     #[test]
     fn a_ray_comes_to_the_side_that_looks_at_it() {
-        let surface = Surface::new(&[CORNERS], &[-1], &[0.5], &[[0, 1]], &[[1. / 3.; 3]], &[false; 2]).unwrap();
+        let surface = Surface::new(&[CORNERS], &[-1], &[0.5], &[[0, 1]], &[[1. / 3.; 3]], &[false; 2], 1e-6).unwrap();
         assert_eq!(surface.side(0, [0.1, 0.0, -2.0]), Some([0.0, 0.0, 1.0]));
         assert_eq!(surface.side(0, [0.1, 0.0, 2.0]).map(|side| side[2]), Some(-1.0));
         assert_eq!(surface.side(-1, [0.0, 0.0, 1.0]), None);
@@ -298,7 +302,7 @@ mod tests {
     #[test]
     fn a_cycle_and_a_patch_that_is_not_there_are_refused() {
         let rule = [[1. / 3.; 3]];
-        assert!(Surface::new(&[CORNERS], &[0], &[0.5], &[[0, 0]], &rule, &[false]).is_err());
-        assert!(Surface::new(&[CORNERS], &[-1], &[0.5], &[[1, NO_PATCH]], &rule, &[false]).is_err());
+        assert!(Surface::new(&[CORNERS], &[0], &[0.5], &[[0, 0]], &rule, &[false], 1e-6).is_err());
+        assert!(Surface::new(&[CORNERS], &[-1], &[0.5], &[[1, NO_PATCH]], &rule, &[false], 1e-6).is_err());
     }
 }

@@ -134,11 +134,10 @@ class Surface:
     def __init__(
         self,
         scene: NDArray[np.float64],
-        edges: NDArray[np.int8],
-        fractions: NDArray[np.float64],
-        parts: NDArray[np.uint32],
+        bisections: tuple[NDArray[np.int8], NDArray[np.float64], NDArray[np.uint32]],
         rule: NDArray[np.float64],
         hidden: NDArray[np.bool_],
+        slack: float,
     ) -> None: ...
     def met(
         self,

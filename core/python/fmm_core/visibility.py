@@ -17,7 +17,7 @@ from . import _binding
 from .arrays import largest, lengths
 from .kept import HIT_STEPS, KeptVisibility, Replaying
 from .opacity import Opacity, SeeThrough
-from .particles import Particles
+from .particles import SAME_PLACE, Particles
 from .patterns import around, disc, shifts
 from .progress import Tick, silent
 from .scene import Scene
@@ -240,8 +240,9 @@ class Occlusion:
 
     def surface(self, particles: Particles) -> _binding.Surface:
         """The triangles, with what tells which particle stands for a point on them."""
-        parts = particles.edges, particles.fractions, particles.parts, particles.rule
-        return _binding.Surface(self.triangles, *parts, particles.hidden)
+        bisections = particles.edges, particles.fractions, particles.parts
+        sources = particles.rule, particles.hidden
+        return _binding.Surface(self.triangles, bisections, *sources, SAME_PLACE * self.size)
 
     def occlude(
         self,
