@@ -8,16 +8,7 @@ import shapes
 from fmm_core.particles import make_particles
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_visibility import LAMP, block, error
-
-
-def finer(triangles, times):
-    for _ in range(times):
-        a, b, c = triangles.transpose(1, 0, 2)
-        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-        parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-        triangles = np.stack([np.stack(part, axis=1) for part in parts], axis=1).reshape(-1, 3, 3)
-    return triangles
+from test_visibility import LAMP, block, error, finer
 
 
 def crowd(objects, times):
@@ -108,6 +99,15 @@ def test_a_group_is_stood_for_by_a_triangle_that_can_be_seen():
 def _reaches(particles, sheet, group):
     members = particles.parts[: len(sheet), 0] == group
     return (sheet[members].mean(axis=1)[:, 0] >= 0.95).any()
+
+
+def test_near_light_of_groups_is_found_where_nothing_is_in_the_way():
+    room = finer(shapes.room(), 4)
+    settings = fmm_core.Settings(method="fmm", particles=300, probes=0, effects={"occlusion": True})
+    solution = fmm_core.solve(fmm_core.Scene(room, 0.5, 1.0), settings)
+    assert len(solution.particles) < len(room)
+    found = solution.irradiance(*shapes.random_points(room, 1))
+    assert found == pytest.approx(np.full_like(found, 2.0), rel=0.02)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.97))

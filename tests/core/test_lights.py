@@ -242,6 +242,19 @@ def test_furnace_under_an_even_sky_is_a_furnace():
     assert opened.irradiance(*points) == pytest.approx(closed.irradiance(*points), rel=0.01)
 
 
+def test_a_second_sun_is_found_however_weak_it_is_beside_the_first():
+    def sky(second):
+        image = np.full((64, 128, 3), 0.05)
+        image[10, 40], image[30, 90] = 2e4, second
+        return Sky(image)
+
+    points = shapes.random_points(BLOCK, 4)
+    before = solve(BLOCK, 0.5, sky=sky(0.05))
+    before.irradiance(*points)
+    found = before.relight(sky=sky(200.0)).irradiance(*points)
+    assert found == pytest.approx(solve(BLOCK, 0.5, sky=sky(200.0)).irradiance(*points), rel=1e-3)
+
+
 @pytest.mark.parametrize("method", ["direct", "fmm"])
 def test_other_power_and_colour_need_no_ray(method):
     settings = fmm_core.Settings(particles=300, method=method)

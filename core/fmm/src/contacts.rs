@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Where another mesh stands on a triangle, goes through it or ends just above it, the light changes from one side to the
+//! Where something stands on a triangle, goes through it or ends just above it, the light changes from one side to the
 //! other: the triangle is cut along that line, so that no part of it stands for both sides.
 
 use crate::cuts::{Cuts, Point, between, clip, clipped, distance, left_of, merged};
-use crate::meshes::{PARALLEL, connected, rims, triangle_tree};
+use crate::meshes::{PARALLEL, corners, meshes, rims, triangle_tree};
 use crate::vector::{add, cross, dot, high, low, norm, scale, sub};
 use rayon::prelude::*;
 use rstar::AABB;
@@ -14,6 +14,8 @@ const ROUNDING: [f64; 2] = [1e-6, 1e-5];
 const TOUCHING: f64 = 2e-4;
 /// Lines whose lengths and places differ by less than this share of the triangle are alike.
 const PLACE: f64 = 1e-6;
+/// What its own mesh shares with a triangle along less than this share of it is a corner.
+const CORNER: f64 = 0.01;
 /// A triangle with more lines on it lies in a thicket, whose light is even: it is left whole.
 const MOST_LINES: usize = 1000;
 /// So many times as many pieces of lines are not even put together.
@@ -30,13 +32,15 @@ pub struct Contacts {
     pub fractions: Vec<f64>,
     /// (K, 2) the halves of a node, 0 for a leaf.
     pub parts: Vec<[u32; 2]>,
-    /// (T,) whether another mesh touches the triangle, be it at its rim.
+    /// (T,) whether something touches the triangle, be it at its rim, that is not a neighbour in its mesh.
     pub touched: Vec<bool>,
 }
 
-/// Cuts each triangle where other meshes meet it; meshes are what is joined by corners at the same places.
+/// Cuts each triangle where others meet it that are no neighbours at an edge. Those of its mesh, which are joined by corners at
+/// the same places, do where they are no farther away than rounding.
 pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
-    let meshes = connected(triangles);
+    let corners = corners(triangles);
+    let meshes = meshes(&corners);
     let size = size(triangles);
     let (tree, rims) = (triangle_tree(triangles), rims(triangles, size));
     let cut = |i: usize| {
@@ -49,8 +53,13 @@ pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
         );
         let others = tree.locate_in_envelope_intersecting(&envelope).map(|other| other.data);
         let met: Vec<([Point; 2], bool)> = others
-            .filter(|&other| meshes[other] != meshes[i])
-            .flat_map(|other| plane.lines(&triangles[other], rims[other], [touching, slack]))
+            .flat_map(|other| {
+                if meshes[other] != meshes[i] {
+                    return plane.lines(&triangles[other], rims[other], [touching, slack]);
+                }
+                let shared = corners[other].iter().filter(|corner| corners[i].contains(corner)).count();
+                if shared > 1 { Vec::new() } else { plane.lines_of_own(&triangles[other], rims[other], slack) }
+            })
             .collect();
         if met.len() > MANY * MOST_LINES {
             return Some(Cuts::default());
@@ -157,6 +166,17 @@ impl Plane {
         edges.enumerate().filter_map(rim).collect()
     }
 
+    /// The same for a triangle of the same mesh: what both have in common is more than a corner.
+    fn lines_of_own(&self, other: &[Vector; 3], rims: [bool; 3], slack: f64) -> Vec<([Point; 2], bool)> {
+        let mut lines = self.lines(other, rims, [slack; 2]);
+        lines.retain(|&(line, _)| {
+            let along =
+                clip(line, &self.corners, -slack).is_some_and(|[p, q]| distance(p, q) > CORNER * self.longest());
+            along || clip(line, &self.corners, slack).is_some()
+        });
+        lines
+    }
+
     /// Whether another triangle is turned by less than 60 degrees against this one.
     fn is_along(&self, other: &[Vector; 3]) -> bool {
         let normal = cross(sub(other[1], other[0]), sub(other[2], other[0]));
@@ -247,6 +267,36 @@ mod tests {
         }
         assert_eq!(contacts(&[FLOOR, at_the_rim]).touched, [true, true]);
         assert_eq!(contacts(&[FLOOR, above]).touched, [false, false]);
+    }
+
+    #[test]
+    fn a_wall_in_the_mesh_of_its_floor_cuts_it_unless_they_share_an_edge() {
+        let touched = |other: [Vector; 3]| {
+            let contacts = contacts(&[FLOOR, other]);
+            assert_eq!(contacts.edges[1], -1, "the floor meets the wall at its rim only");
+            (contacts.edges[0] >= 0, contacts.touched)
+        };
+        let (origin, up) = ([0.; 3], [0., 0., 3.]);
+        assert_eq!(touched([origin, [1., 1., 0.], up]), (true, vec![true; 2]));
+        // Over a part of an edge, over all of it, and at a corner.
+        assert_eq!(touched([origin, [3., 0., 0.], up]), (false, vec![true; 2]));
+        assert_eq!(touched([origin, [4., 0., 0.], up]), (false, vec![false; 2]));
+        assert_eq!(touched([origin, [-1., -2., 0.], up]), (false, vec![false; 2]));
+        assert_eq!(touched([origin, [-1., -2., 1.], [-2., -1., -1.]]), (false, vec![false; 2]));
+    }
+
+    #[test]
+    fn neighbours_in_a_mesh_do_not_touch() {
+        let (n, cell) = (12, |i: usize| 1.0 + i as f64 / 12.0);
+        let bent = |i: usize, j: usize| [cell(i), cell(j), 0.3 * (cell(i) * cell(j)).sin()];
+        let mesh: Vec<[Vector; 3]> = (0..n * n)
+            .flat_map(|k| {
+                let (i, j) = (k / n, k % n);
+                let [a, b, c, d] = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| bent(i, j));
+                [[a, b, c], [a, c, d]]
+            })
+            .collect();
+        assert_eq!(contacts(&mesh).touched, vec![false; mesh.len()]);
     }
 
     #[test]

@@ -17,13 +17,8 @@ const ROUNDING: f64 = 1e-6;
 /// Corners that differ by less are the same at a rim.
 const SAME_CORNER: f64 = 1e-9;
 
-/// The mesh that each triangle belongs to, by its first triangle: those of one mesh are joined by corners at exactly the same
-/// places.
-pub(crate) fn connected(triangles: &[[Vector; 3]]) -> Vec<u32> {
-    meshes(&corners(triangles))
-}
-
-/// The same from the numbers of their corners.
+/// The mesh that each triangle belongs to, by its first triangle, from the numbers of their corners: those of one mesh are joined
+/// by corners at exactly the same places.
 pub(crate) fn meshes(corners: &[[u32; 3]]) -> Vec<u32> {
     let mut sets = Sets::new(corners.len());
     let mut first = vec![u32::MAX; corners.as_flattened().iter().max().map_or(0, |&most| most as usize + 1)];

@@ -11,7 +11,8 @@ use std::sync::OnceLock;
 /// What a patch is followed by where there is nothing on its other side.
 pub const NO_PATCH: u32 = u32::MAX;
 
-/// How far off a place on a triangle may be, as a share of its edges: places are kept in steps of 1 in 32,768.
+/// How far before its place on a triangle a ray is taken to be, as a share of the edges: so much above single precision that
+/// rays almost along what divides the triangle stay on their side.
 const ROUNDED: f64 = 4e-5;
 
 /// The undivided triangles, each the root of a tree of bisections whose leaves are patches.

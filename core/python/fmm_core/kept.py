@@ -20,11 +20,11 @@ from .errors import Error
 from .scene import Scene
 
 #: Of the file. Another number is another layout, which is refused.
-VERSION = 3
+VERSION = 4
 #: Bytes of a digest.
 DIGEST = 16
-#: Where on a triangle a ray met it is told in so many steps an edge: more than there are ever patches; shares as well.
-HIT_STEPS = 1 << 15
+#: What is left of light is told in so many steps.
+SHARE_STEPS = 1 << 15
 _ROW = np.dtype([("digest", np.uint8, DIGEST), ("size", np.int64)])
 
 
@@ -191,29 +191,26 @@ class Replaying:
 
 def _pack(met: Any, query: str, output: bool) -> bytes:
     if output:
-        return b"".join(part.tobytes() for part in (met["primID"].astype(np.int32), _steps(met["u"]), _steps(met["v"])))
+        places = (met[name].astype(np.float32) for name in ("u", "v"))
+        return b"".join(part.tobytes() for part in (met["primID"].astype(np.int32), *places))
     if query == "TRANSMITTED":
-        return _steps(met).tobytes()
+        return np.round(np.clip(met, 0, 1) * np.float32(SHARE_STEPS)).astype(np.uint16).tobytes()
     return np.packbits(met == 0).tobytes() if query == "OCCLUDED" else met.astype(np.int32).tobytes()
-
-
-def _steps(shares: NDArray[np.float32]) -> NDArray[np.uint16]:
-    return np.round(np.clip(shares, 0, 1) * np.float32(HIT_STEPS)).astype(np.uint16)
 
 
 def _unpack(answer: bytes | None, count: int, query: str, output: bool) -> Any:
     """What `_pack` packed for so many rays; None where it is something else."""
     sizes = {"OCCLUDED": (count + 7) // 8, "TRANSMITTED": 2 * count}
-    expected = 8 * count if output else sizes.get(query, 4 * count)
+    expected = 12 * count if output else sizes.get(query, 4 * count)
     if answer is None or len(answer) != expected:
         return None
     if output:
-        u, v = np.frombuffer(answer, np.uint16, offset=4 * count).reshape(2, count) / np.float32(HIT_STEPS)
+        u, v = np.frombuffer(answer, np.float32, offset=4 * count).reshape(2, count)
         return {"primID": np.frombuffer(answer, np.int32, count), "u": u, "v": v}
     if query == "OCCLUDED":
         return np.unpackbits(np.frombuffer(answer, np.uint8), count=count).astype(np.int32) - 1
     if query == "TRANSMITTED":
-        return np.frombuffer(answer, np.uint16) / np.float32(HIT_STEPS)
+        return np.frombuffer(answer, np.uint16) / np.float32(SHARE_STEPS)
     return np.frombuffer(answer, np.int32)
 
 

@@ -141,7 +141,8 @@ class MultipoleSpace:
         if occlusion is not None and self.settings.visibility == "cells":
             occlusion.find_cells(fmm, tick)
             return True
-        if fmm.n_blockers() == 0 and self.sums.medium.is_clear:
+        # A group of triangles has no exact form factor: what is near is found by rays.
+        if fmm.n_blockers() == 0 and self.sums.medium.is_clear and particles.whole.all():
             return False
         tick(0.2)
         weights, radii = particles.visibility_weights, particles.of_points(particles.radii)

@@ -193,7 +193,7 @@ class Scene:
 
     def same_geometry(self, other: "Scene") -> bool:
         """Whether another scene was given the same triangles with the same sides and opacity, in the same medium."""
-        names = "triangles", "triangle_indices", "two_sided", "medium"
+        names = "triangles", "origin", "triangle_indices", "two_sided", "medium"
         same = all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
         same &= len(self.volumes) == len(other.volumes)
         same &= all(mine.same(yours) for mine, yours in zip(self.volumes, other.volumes, strict=False))

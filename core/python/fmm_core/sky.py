@@ -21,7 +21,7 @@ ROUNDS = 4
 #: Bright parts that bring less than this share of the light are not worth any aim.
 LEAST_SHARE = 1e-3
 #: Distributions that differ by less than this share are as good as each other to aim by.
-SAME = 0.05
+SAME = 1e-3
 
 
 @dataclass(frozen=True, eq=False)

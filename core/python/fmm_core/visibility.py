@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from . import _binding
 from .arrays import largest, lengths
-from .kept import HIT_STEPS, KeptVisibility, Replaying
+from .kept import SHARE_STEPS, KeptVisibility, Replaying
 from .opacity import Opacity, SeeThrough
 from .particles import SAME_PLACE, Particles
 from .patterns import around, disc, shifts
@@ -291,7 +291,7 @@ class Occlusion:
         if len(origins) == 0:
             return np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.float32)
         met = self._scene.run(origins, directions, query="INTERSECT", output=True)
-        return met["primID"], _on_grid(met["u"]), _on_grid(met["v"])
+        return met["primID"], met["u"], met["v"]
 
     def find_cells(self, fmm: _binding.Fmm, tick: Tick = silent) -> None:
         """Turns the lists of a fast multipole sum into visible ones by pairs of cells, as in section 5 of the paper."""
@@ -378,8 +378,8 @@ class Occlusion:
 
 
 def _on_grid(shares: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Where on a triangle, or how much light, as far as it matters: so it takes half as much to keep."""
-    return np.round(np.clip(shares, 0, 1) * np.float32(HIT_STEPS)) / np.float32(HIT_STEPS)
+    """How much light, as far as it matters: so it takes half as much to keep."""
+    return np.round(np.clip(shares, 0, 1) * np.float32(SHARE_STEPS)) / np.float32(SHARE_STEPS)
 
 
 def _commit(scene: embreex.rtcore_scene.EmbreeScene) -> None:
