@@ -227,7 +227,8 @@ mod tests {
             let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
             let (edges, parts, patches) = cut(depth);
             let third = [[1.0 / 3.0; 3]];
-            let surface = Surface::new(&[CORNERS], &edges, &vec![0.5; edges.len()], &parts, &third, &vec![false; patches.len()], 1e-6).unwrap();
+            let (fractions, hidden) = (vec![0.5; edges.len()], vec![false; patches.len()]);
+            let surface = Surface::new(&[CORNERS], &edges, &fractions, &parts, &third, &hidden, 1e-6).unwrap();
             let [a, b, c] = patches[surface.source(0, (u, v), true).unwrap() as usize];
             let x = point(CORNERS, [1.0 - u - v, u, v]);
             let area = |p: [f64; 3], q: [f64; 3], r: [f64; 3]| cross(sub(q, p), sub(r, p))[2];
