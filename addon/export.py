@@ -16,7 +16,7 @@ from fmm_core import Error, Light, Opacity, Sky, Volume
 
 from . import lights, ray_flags
 from .materials import Name, find, name_of
-from .meshes import Layers, Mesh, World, about, is_closed, read_mesh, same_topology, triangle_centres, with_area
+from .meshes import Layers, Mesh, World, about, is_closed, read_mesh, same_topology, with_area
 from .node_readers import asked
 from .ray_flags import Seen
 from .sampling import Painted, Painter, Slots, paint
@@ -278,7 +278,6 @@ class Reading:
             corner_position=world.position[mesh.corner_vertex],
             corner_normal=world.corner_normal,
             corner_vertex=mesh.corner_vertex + vertices,
-            corner_triangle_centre=triangle_centres(mesh, world.position),
             corner_albedo=painted.corner_albedo,
             corner_emission=painted.corner_emission,
             corner_gloss=painted.corner_gloss,

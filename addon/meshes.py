@@ -232,14 +232,16 @@ def is_closed(mesh: Mesh) -> bool:
     return bool((forward == backward).all() and (np.diff(forward) > 0).all())
 
 
-def triangle_centres(mesh: Mesh, position: np.ndarray) -> np.ndarray:
-    """(C,3) m: centre of the largest triangle at each corner, for vertices at position (V,3) in m."""
-    triangles = position[mesh.corner_vertex[mesh.triangle_corners]]
+def triangle_centres(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(C,3) m: centre of the largest triangle at each corner, for corners at position (C,3) in m, and the corners of
+    triangles (R,3).
+    """
+    at = position[triangles]
     # Halves of a square are equal up to rounding, which must not choose between them.
-    order = np.argsort(_double_area(triangles).astype(np.float32), kind="stable")
-    centres = position[mesh.corner_vertex]
+    order = np.argsort(_double_area(at).astype(np.float32), kind="stable")
+    centres = position.copy()
     # The last one that is assigned to a corner stays.
-    centres[mesh.triangle_corners[order].ravel()] = np.repeat(triangles[order].mean(axis=1), 3, axis=0)
+    centres[triangles[order].ravel()] = np.repeat(at[order].mean(axis=1), 3, axis=0)
     return centres
 
 

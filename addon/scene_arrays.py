@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from fmm_core import Brdf, Error, Light, Opacity, Sky, Volume
+
+from .meshes import triangle_centres
 
 
 class Dark(Error):
@@ -41,9 +44,8 @@ class SceneArrays:
     triangles (T,3,3) m, counter-clockwise from the front; albedo (T,3); emission (T,3) W/m^2; two_sided (T,) bool;
     opacity of the triangles.
     corner_* describe the C corners of all receivers, in mesh order: position (C,3) m, normal (C,3) unit, vertex (C,)
-    int unique over the scene, triangle_centre (C,3) m of the largest triangle at the corner, albedo (C,3), and
-    emission (C,3) W/m^2, and gloss (C, materials.GLOSS) where there is an eye. corner_triangles (R,3) are the corners
-    of each triangle that the receivers are drawn with.
+    int unique over the scene, albedo (C,3), and emission (C,3) W/m^2, and gloss (C, materials.GLOSS) where there is an
+    eye. corner_triangles (R,3) are the corners of each triangle that the receivers are drawn with.
     lights: the lamps; sky: what the world sends, or None; medium (3,) 1/m: what it absorbs of light on its way;
     volumes: meshes that absorb light inside;
     eye (4,): where the camera is, homogeneous, or None; tables: those of measured materials; shade: as `fmm_core.Scene`
@@ -58,7 +60,6 @@ class SceneArrays:
     corner_position: np.ndarray
     corner_normal: np.ndarray
     corner_vertex: np.ndarray
-    corner_triangle_centre: np.ndarray
     corner_albedo: np.ndarray
     corner_emission: np.ndarray
     corner_gloss: np.ndarray
@@ -72,3 +73,8 @@ class SceneArrays:
     eye: np.ndarray | None = None
     tables: tuple[Brdf, ...] = ()
     shade: Opacity | None = None
+
+    @cached_property
+    def corner_triangle_centre(self) -> np.ndarray:
+        """(C,3) m: centre of the largest triangle at each corner."""
+        return triangle_centres(self.corner_position, self.corner_triangles)

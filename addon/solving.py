@@ -90,13 +90,7 @@ class Places:
 
 def places_of(arrays: SceneArrays, fitted: bool, session: Session) -> Places:
     """Those of a scene: of the last bake where the shape is the same."""
-    shape = (
-        arrays.corner_position,
-        arrays.corner_normal,
-        arrays.corner_vertex,
-        arrays.corner_triangle_centre,
-        arrays.corner_triangles,
-    )
+    shape = arrays.corner_position, arrays.corner_normal, arrays.corner_vertex, arrays.corner_triangles
     last = session.places
     if last is None or (last.fit is not None) != fitted or not all(map(np.array_equal, last.shape, shape)):
         points = points_of(arrays)
