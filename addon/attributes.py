@@ -60,7 +60,8 @@ class Output:
 @dataclass(frozen=True)
 class Layers:
     """Attributes to write: linear colours (C,3) of every corner, in the order of the receivers, for each of
-    `output.names`; rendered: whether a renderer shall take the main one where a material names none.
+    `output.names`; rendered: whether a renderer shall take the main one where a material names none, and none does so
+    yet.
     """
 
     receivers: Sequence[Receiver]
@@ -77,8 +78,24 @@ def check(receivers: Sequence[Receiver], output: Output) -> None:
     for name in output.names:
         if len(name.encode()) > _LONGEST_NAME:
             raise Error(f"'{name}' is longer than the {_LONGEST_NAME} letters that the name of an attribute can have")
+    _check_names(output.names)
     for receiver in receivers:
         _mesh_of(receiver, output)
+
+
+def _check_names(names: Sequence[str]) -> None:
+    """Raise fmm_core.Error where Blender keeps a name for something else than colours."""
+    import bpy
+
+    mesh = bpy.data.meshes.new(_UNFINISHED)
+    try:
+        for name in names:
+            attribute = mesh.color_attributes.new(name=_UNFINISHED, type="FLOAT_COLOR", domain="CORNER")
+            attribute.name = name
+            if name not in mesh.color_attributes:
+                raise Error(f"'{name}' is no name for a colour attribute: Blender keeps it for something else")
+    finally:
+        bpy.data.meshes.remove(mesh)
 
 
 def write(parts: Sequence[Layers]) -> None:
@@ -89,7 +106,7 @@ def write(parts: Sequence[Layers]) -> None:
     is then as it was.
     """
     wanted = [(_mesh_of(receiver, part.output), receiver, part) for part in parts for receiver in part.receivers]
-    unfinished = []
+    unfinished, read = [], [mesh.attributes.default_color_name for mesh, _, _ in wanted]
     try:
         for mesh, receiver, part in wanted:
             output = part.output
@@ -107,10 +124,13 @@ def write(parts: Sequence[Layers]) -> None:
     for mesh, unnamed, name in unfinished:
         _remove(mesh, name)
         mesh.color_attributes[unnamed].name = name
-    for mesh, _, part in wanted:
+    for (mesh, receiver, part), before in zip(wanted, read, strict=True):
         index = mesh.color_attributes.find(part.output.name)
         mesh.color_attributes.active_color_index = index
-        if part.rendered:
+        # Where a material reads the colours of renders, those of the bake are not to become them.
+        if receiver.reads_rendered:
+            mesh.attributes.default_color_name = before
+        elif part.rendered:
             mesh.color_attributes.render_color_index = index
         mesh.update()
 

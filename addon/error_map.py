@@ -67,13 +67,14 @@ def check(data: solving.Input) -> None:
 
 
 def compute(data: solving.Input, settings: fmm_core.Settings, progress: Progress | None, session: Session) -> ErrorMap:
-    """The map of the scene as it is lit now, by the solution of the last bake; away from Blender, in any thread.
+    """The map of the colours of the last bake, as it was lit; away from Blender, in any thread.
 
     Raises fmm_core.Error where that one does not serve, and fmm_core.Cancelled.
     """
     arrays, progress = data.arrays, memory.limited(progress, data.memory_limit)
     places = solving.places_of(arrays, data.output.colours == "FIT", session)
-    solution, gathered = solving.solved(data, settings, places, session, False, [], part(progress, 0.0, 0.2))
+    solution = solving.last_solution(data, settings, session)
+    gathered = solution.irradiance(*places.asked, part(progress, 0.0, 0.2), places.effort)
     values = places.values(gathered, solution)
     again = solving.fit_of(arrays, places.points, seed=1)
     apart = solution.apart()

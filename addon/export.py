@@ -167,9 +167,11 @@ class Reading:
             self.remark(f"object '{obj.name}' {text}")
         world = World(obj.name, mesh, np.array(instance.matrix_world, np.float64))
         materials = _materials(obj)
-        layers = Layers(data, mesh, world, about(instance), asked(materials))
+        named = asked(materials)
+        layers = Layers(data, mesh, world, about(instance), named)
         slots = Slots(mesh, layers, world.mirrored, len(materials))
-        offsets = self.add_receiver(instance, mesh) if self.is_receiver(instance, mesh) else None
+        reads = ("", True) in named.attributes
+        offsets = self.add_receiver(instance, mesh, reads) if self.is_receiver(instance, mesh) else None
         self.unpainted.append(self.paint(obj.name, world, slots, list(map(name_of, materials)), seen, offsets))
 
     def painting(self) -> Iterator[None]:
@@ -261,15 +263,14 @@ class Reading:
             return len(users) == 1
         return False
 
-    def add_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: Mesh) -> tuple[int, int]:
+    def add_receiver(self, instance: bpy.types.DepsgraphObjectInstance, mesh: Mesh, reads: bool) -> tuple[int, int]:
         """Let a mesh get colours; returns the numbers of its first corner and of its first vertex."""
         obj, corners, vertices = instance.object, self.corner_count, self.vertex_count
         self.corner_count += len(mesh.corner_vertex)
         self.vertex_count += len(mesh.vertex)
         rows = slice(corners, self.corner_count)
-        self.receivers.append(
-            Receiver(obj.original.data.name, obj.name, rows, mesh.corner_vertex, len(mesh.vertex), mesh.smooth)
-        )
+        shape = mesh.corner_vertex, len(mesh.vertex), mesh.smooth
+        self.receivers.append(Receiver(obj.original.data.name, obj.name, rows, *shape, reads))
         return corners, vertices
 
     def add_corners(self, mesh: Mesh, world: World, painted: Painted, corners: int, vertices: int) -> None:

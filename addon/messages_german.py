@@ -65,6 +65,7 @@ GERMAN = {
     "mesh '{}' of object '{}' is in Edit Mode": "Mesh '{}' von Objekt '{}' ist im Bearbeitungsmodus",
     "mesh '{}' of object '{}' is linked from a library and gets no colours: make it local to bake onto it": "Mesh '{}' von Objekt '{}' ist aus einer Bibliothek verknüpft und bekommt keine Farben: Lokal machen, um darauf zu backen",
     "mesh '{}' of object '{}' was changed during the bake": "Mesh '{}' von Objekt '{}' wurde während des Backens verändert",
+    "since the last bake surfaces began or ceased to glow, or colours moved within a mesh: bake again": "seit dem letzten Backen leuchten andere Flächen, oder Farben liegen auf einem Netz woanders: Neu backen",
     "more than lights and colours has changed since the last bake: bake again": "seit dem letzten Backen hat sich mehr als Lichter und Farben geändert: Neu backen",
     "no gloss is to be seen by an eye": "kein Glanz ist zu sehen",
     "no lamp gives light": "keine Lampe gibt Licht",

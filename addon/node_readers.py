@@ -82,7 +82,10 @@ def _image(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -
 
 def _uv(values: Values, name: str) -> Array:
     layer = values.points.layers.uv(name)
-    return np.zeros((1, 3)) if layer is None else values.points.mean(layer)
+    if layer is None:
+        values.points.of_object = True
+        return np.zeros((1, 3))
+    return values.points.mean(layer)
 
 
 def _attribute(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array | None:
@@ -92,6 +95,8 @@ def _attribute(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocke
     name = node.layer_name if of_colours else node.attribute_name
     layer = values.points.layers.attribute(name, of_colours)
     if layer is None:
+        # Another mesh may have it.
+        values.points.of_object = True
         values.remarks.append(f"attribute '{name}' is not there: 0 is used")
         return np.zeros(1) if socket.type == "VALUE" else np.zeros((1, 3))
     found = values.points.mean(layer)

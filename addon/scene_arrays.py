@@ -26,7 +26,8 @@ class Receiver:
 
     mesh, object: names of the datablock and of the object it is baked for; rows: its corners among all corners of the
     scene; corner_vertex (C,) int: vertex of each corner, counted in the mesh; vertices: how many the mesh has;
-    smooth: whether all of its faces are shaded smooth.
+    smooth: whether all of its faces are shaded smooth; reads_rendered: whether a material reads the colour attribute
+    that renders take.
     """
 
     mesh: str
@@ -35,6 +36,7 @@ class Receiver:
     corner_vertex: np.ndarray
     vertices: int
     smooth: bool
+    reads_rendered: bool
 
 
 @dataclass(frozen=True)

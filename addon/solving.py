@@ -152,13 +152,14 @@ def solved(
     solve, session as in `compute`; warnings: takes those of files that could not be read.
     """
     arrays, scene, solution = data.arrays, scene_of(data.arrays), session.solution
-    if solution is not None and _serves(solution, scene, settings, data.kept):
+    changed = _changed(solution, scene, settings, data.kept)
+    if not changed:
         sky = fmm_core.Sky(0.0) if arrays.sky is None else arrays.sky
         parts = arrays.emission, arrays.albedo, arrays.lights, sky
         solution = solution.relight(*parts, part(progress, 0.0, 0.8), glossy=scene.glossy)
         return solution, solution.irradiance(*places.asked, part(progress, 0.8, 0.9), places.effort)
     if not solve:
-        raise fmm_core.Error("more than lights and colours has changed since the last bake: bake again")
+        raise fmm_core.Error(changed)
     # Two at a time may be too much for the memory.
     solution = session.solution = None
     kept = _load(data.kept, warnings)
@@ -195,9 +196,27 @@ def fit_of(arrays: SceneArrays, points: fmm_core.OutputPoints, seed: int | None 
     return fmm_core.VertexFit(points, *corners, seed=seed)
 
 
-def _serves(solution: fmm_core.Solution, scene: fmm_core.Scene, settings: fmm_core.Settings, kept: Path | None) -> bool:
-    """Whether a solution is as good as a new one, and has what is to be kept."""
-    return (kept is None or solution.kept is not None) and solution.settings == settings and solution.serves(scene)
+def last_solution(data: Input, settings: fmm_core.Settings, session: Session) -> fmm_core.Solution:
+    """That of the last bake, lit as it was then.
+
+    Raises fmm_core.Error where more has changed since than it could follow.
+    """
+    changed = _changed(session.solution, scene_of(data.arrays), settings, data.kept)
+    if changed:
+        raise fmm_core.Error(changed)
+    return session.solution
+
+
+def _changed(
+    solution: fmm_core.Solution | None, scene: fmm_core.Scene, settings: fmm_core.Settings, kept: Path | None
+) -> str:
+    """Why a solution is not as good as a new one, or has not what is to be kept; nothing where it is and has."""
+    if solution is not None and solution.settings == settings and (kept is None or solution.kept is not None):
+        if solution.serves(scene):
+            return ""
+        if solution.scene.same_geometry(scene.near_origin()):
+            return "since the last bake surfaces began or ceased to glow, or colours moved within a mesh: bake again"
+    return "more than lights and colours has changed since the last bake: bake again"
 
 
 def _load(path: Path | None, warnings: list[str]) -> fmm_core.KeptVisibility | None:

@@ -46,6 +46,18 @@ def test_map_is_shown_and_the_button_goes_back(room, fmm):
     assert np.array_equal(baked(room, "Radiosity Error"), shown)
 
 
+def test_map_is_of_the_colours_on_the_mesh_also_where_lights_have_changed_since(room, fmm):
+    assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
+    assert bpy.ops.fmm_radiosity.error_map() == {"FINISHED"}
+    shown, top = baked(room, "Radiosity Error"), fmm.session.session.map_top
+    assert bpy.ops.fmm_radiosity.error_map() == {"FINISHED"}
+    bpy.data.materials["Glow"].node_tree.nodes["Emission"].inputs["Strength"].default_value = 0.1
+    bpy.data.materials["Floor"].node_tree.nodes["Diffuse BSDF"].inputs["Color"].default_value = (0.1, 0.1, 0.1, 1)
+    assert bpy.ops.fmm_radiosity.error_map() == {"FINISHED"}
+    assert fmm.session.session.map_top == top
+    assert np.array_equal(baked(room, "Radiosity Error"), shown)
+
+
 def test_map_leaves_relighting_without_rays_and_is_undone_in_one_step(room, fmm):
     bpy.context.preferences.edit.use_global_undo = True
     bpy.ops.ed.undo_push(message="before")

@@ -179,13 +179,31 @@ def test_a_name_that_leaves_no_room_is_an_error(build, fmm, settings):
         fmm.bake.read(bpy.context)
 
 
-@pytest.mark.parametrize("name", ["", ".hidden", " 0001", "position"])
+@pytest.mark.parametrize("name", ["", ".hidden", " 0001", "position", "material_index"])
 def test_impossible_names_are_an_error_before_the_solve(build, fmm, settings, name):
     build.room()
     settings.attribute_name = name
     with pytest.raises(Error, match=f"'{name}'"):
         fmm.bake.read(bpy.context)
     assert all("Radiosity" not in mesh.attributes for mesh in bpy.data.meshes)
+    assert sorted(mesh.name for mesh in bpy.data.meshes) == ["Box", "Floor", "Lamp"]
+
+
+def test_paint_that_a_material_reads_without_a_name_stays_what_it_reads(build, settings):
+    build.room()
+    mesh, tree = bpy.data.meshes["Box"], bpy.data.materials["Blue"].node_tree
+    paint = mesh.color_attributes.new(name="Paint", type="FLOAT_COLOR", domain="POINT")
+    paint.data.foreach_set("color", np.tile([0.9, 0.1, 0.1, 1.0], 8))
+    mesh.color_attributes.render_color_index = mesh.color_attributes.find("Paint")
+    node = tree.nodes.new("ShaderNodeVertexColor")
+    tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    mesh.update()
+    first, again = bake(), bake()
+    assert all(np.array_equal(again[name], first[name]) for name in ("Box", "Floor"))
+    assert mesh.color_attributes[mesh.color_attributes.render_color_index].name == "Paint"
+    assert mesh.color_attributes.active_color.name == "Radiosity"
+    assert bpy.data.meshes["Floor"].attributes.default_color_name == ""
+    assert first["Box"][:, 0].sum() > 2 * first["Box"][:, 2].sum()
 
 
 def test_a_target_error_that_is_shown_as_0_is_none(fmm, settings):

@@ -161,3 +161,12 @@ def test_live_is_off_in_every_new_file(fmm, live, tmp_path):
     assert not any(manager.fmm_radiosity_live for manager in bpy.data.window_managers)
     assert fmm.live.changed not in handlers
     assert not bpy.app.timers.is_registered(fmm.live._turn)
+
+
+def test_relight_says_that_another_surface_glows():
+    blue, kept = bpy.data.materials["Blue"].node_tree.nodes["Principled BSDF"].inputs, box()
+    colour = "Emission Color" if "Emission Color" in blue else "Emission"
+    blue[colour].default_value, blue["Emission Strength"].default_value = (1, 1, 1, 1), 2.0
+    with pytest.raises(RuntimeError, match="surfaces began or ceased to glow"):
+        bpy.ops.fmm_radiosity.relight()
+    assert (box() == kept).all()
