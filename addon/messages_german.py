@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 GERMAN = {
+    "'{}' is no name for a colour attribute: Blender keeps it for something else": "'{}' taugt nicht als Name eines Farbattributs: Blender verwendet ihn für etwas anderes",
     "'{}' is longer than the {} letters that the name of an attribute can have": "'{}' ist länger als die {} Zeichen, die der Name eines Attributs haben kann",
     "'{}' is no name for a colour attribute: it needs one that does not start with a dot or a space": "'{}' ist kein Name für ein Farbattribut: Er darf nicht leer sein und nicht mit Punkt oder Leerzeichen beginnen",
     "1 face": "1 Fläche",
