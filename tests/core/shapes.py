@@ -35,6 +35,21 @@ def subdivided_room(per_side: int) -> Triangles:
     return np.concatenate(faces)
 
 
+def quarters(triangles: Triangles) -> NDArray[np.float64]:
+    """(4, T, 3, 3) the quarters of each triangle, cut at the middles of its edges."""
+    a, b, c = triangles.transpose(1, 0, 2)
+    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+    parts = ([a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca])
+    return np.stack([np.stack(part, axis=1) for part in parts])
+
+
+def finer(triangles: Triangles, times: int) -> Triangles:
+    """Quarters of quarters, so many times; those of one triangle follow each other."""
+    for _ in range(times):
+        triangles = np.stack(quarters(triangles), axis=1).reshape(-1, 3, 3)
+    return triangles
+
+
 def sphere(radius: float, subdivisions: int, inward: bool = False) -> Triangles:
     """An octahedron subdivided and pushed to the sphere."""
     axes = np.eye(3)
@@ -46,10 +61,7 @@ def sphere(radius: float, subdivisions: int, inward: bool = False) -> Triangles:
                 faces.append(face if x * y * z > 0 else face[::-1])
     triangles = np.array(faces)
     for _ in range(subdivisions):
-        a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-        parts = ([a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca])
-        triangles = np.concatenate([np.stack(part, axis=1) for part in parts])
+        triangles = np.concatenate(quarters(triangles))
         triangles /= np.linalg.norm(triangles, axis=2, keepdims=True)
     return radius * (triangles[:, ::-1] if inward else triangles)
 

@@ -8,7 +8,7 @@ import shapes
 from fmm_core.particles import make_particles
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_visibility import LAMP, block, error, finer
+from test_visibility import LAMP, block, error
 
 
 def crowd(objects, times):
@@ -22,7 +22,7 @@ def crowd(objects, times):
     albedo = np.repeat(rng.uniform(0.2, 0.8, (len(triangles) // 2, 3)), 2, axis=0)
     emission = np.zeros(len(triangles))
     emission[12:14] = 10.0
-    return finer(triangles, times), np.repeat(albedo, 4**times, axis=0), np.repeat(emission, 4**times)
+    return shapes.finer(triangles, times), np.repeat(albedo, 4**times, axis=0), np.repeat(emission, 4**times)
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_light_is_neither_lost_nor_made_in_a_crowd(full_room):
 
 def test_a_fine_mesh_is_as_exact_as_a_coarse_one_with_far_fewer_particles_than_triangles():
     coarse = crowd(2, 0)
-    fine = fmm_core.Scene(finer(coarse[0], 5), np.repeat(coarse[1], 4**5, axis=0), np.repeat(coarse[2], 4**5))
+    fine = fmm_core.Scene(shapes.finer(coarse[0], 5), np.repeat(coarse[1], 4**5, axis=0), np.repeat(coarse[2], 4**5))
     # On the walls: in the narrow gap below a block the patches of the direct method are too coarse.
     points = shapes.random_points(coarse[0][:12], 100)
     exact = fmm_core.solve(
@@ -75,7 +75,7 @@ def test_a_fine_mesh_is_as_exact_as_a_coarse_one_with_far_fewer_particles_than_t
 
 
 def test_no_particle_stands_for_two_objects_or_two_colours():
-    sheet = finer(shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]), 5)
+    sheet = shapes.finer(shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]), 5)
     triangles = np.concatenate([sheet, sheet + [0.0, 0.0, 1e-4]])
     albedo = np.where(sheet.mean(axis=1)[:, :1] < 0.5, 0.2, 0.7)
     scene = fmm_core.Scene(triangles, np.tile(albedo, (2, 1)) * np.ones(3), np.full(len(triangles), 1.0))
@@ -88,7 +88,7 @@ def test_no_particle_stands_for_two_objects_or_two_colours():
 
 
 def test_a_group_is_stood_for_by_a_triangle_that_can_be_seen():
-    sheet = finer(shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]), 4)
+    sheet = shapes.finer(shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]), 4)
     scene = fmm_core.Scene(sheet, 0.5, 1.0)
     particles = make_particles(scene, 10, 1, lambda points, normals: points[:, 0] < 0.95)
     in_sight = [group for group in np.unique(particles.parts[: len(sheet), 0]) if _reaches(particles, sheet, group)]
@@ -102,7 +102,7 @@ def _reaches(particles, sheet, group):
 
 
 def test_near_light_of_groups_is_found_where_nothing_is_in_the_way():
-    room = finer(shapes.room(), 4)
+    room = shapes.finer(shapes.room(), 4)
     settings = fmm_core.Settings(method="fmm", particles=300, probes=0, effects={"occlusion": True})
     solution = fmm_core.solve(fmm_core.Scene(room, 0.5, 1.0), settings)
     assert len(solution.particles) < len(room)

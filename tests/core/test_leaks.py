@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapes
 from fmm_core import visibility
-from test_visibility import FMM, LAMP, block, finer
+from test_visibility import FMM, LAMP, block
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-4])
@@ -120,7 +120,7 @@ def test_light_does_not_leak_past_a_thin_wall_that_is_not_midway(wall):
         sides += [shapes.quad([a, 1, 0], [b, 1, 0], [b, 1, 1], [a, 1, 1]) for a, b in ((0, at), (at, 2))]
         room = np.concatenate([room[:4], room[8:], *sides])
     if wall == "in one fine mesh":
-        room = finer(room, 4)
+        room = shapes.finer(room, 4)
     triangles = np.concatenate([room, sheet, lamp])
     part = np.arange(len(triangles)) - len(room)
     two_sided = (part >= 0) & (part < len(sheet)) & (wall not in ("two faces", "thin block"))

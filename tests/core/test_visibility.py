@@ -26,15 +26,6 @@ EMISSION = np.where((np.arange(len(TWO_BLOCKS)) // 2) == 6, 10.0, 0.0)
 ALBEDO = np.where(np.arange(len(TWO_BLOCKS))[:, None] < 4, [0.7, 0.3, 0.2], [0.7, 0.7, 0.7])
 
 
-def finer(triangles, times):
-    for _ in range(times):
-        a, b, c = triangles.transpose(1, 0, 2)
-        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-        parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-        triangles = np.stack([np.stack(part, axis=1) for part in parts], axis=1).reshape(-1, 3, 3)
-    return triangles
-
-
 def two_blocks(**options):
     scene = fmm_core.Scene(TWO_BLOCKS, ALBEDO, EMISSION)
     return fmm_core.solve(scene, fmm_core.Settings(particles=6000, **options))
