@@ -90,8 +90,7 @@ def _check_names(names: Sequence[str]) -> None:
     mesh = bpy.data.meshes.new(_UNFINISHED)
     try:
         for name in names:
-            attribute = mesh.color_attributes.new(name=_UNFINISHED, type="FLOAT_COLOR", domain="CORNER")
-            attribute.name = name
+            mesh.color_attributes[_add(mesh, "CORNER", False)].name = name
             if name not in mesh.color_attributes:
                 raise Error(f"'{name}' is no name for a colour attribute: Blender keeps it for something else")
     finally:
@@ -106,7 +105,7 @@ def write(parts: Sequence[Layers]) -> None:
     is then as it was.
     """
     wanted = [(_mesh_of(receiver, part.output), receiver, part) for part in parts for receiver in part.receivers]
-    unfinished, read = [], [mesh.attributes.default_color_name for mesh, _, _ in wanted]
+    unfinished, rendered = [], [mesh.attributes.default_color_name for mesh, _, _ in wanted]
     try:
         for mesh, receiver, part in wanted:
             output = part.output
@@ -124,7 +123,7 @@ def write(parts: Sequence[Layers]) -> None:
     for mesh, unnamed, name in unfinished:
         _remove(mesh, name)
         mesh.color_attributes[unnamed].name = name
-    for (mesh, receiver, part), before in zip(wanted, read, strict=True):
+    for (mesh, receiver, part), before in zip(wanted, rendered, strict=True):
         index = mesh.color_attributes.find(part.output.name)
         mesh.color_attributes.active_color_index = index
         # Where a material reads the colours of renders, those of the bake are not to become them.
