@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The measured error of a solve: a few random probes, each found once more by rays, and a range that it lies in."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -23,16 +24,16 @@ Points = NDArray[np.float64]
 #: to the most effort.
 PROBE_RAYS, PARTICLE_RAYS = 1024, 320_000
 USUAL_TARGET, LEAST_EFFORT, MOST_EFFORT = 0.005, 0.22, 1.5
-#: What measuring aims to take elsewhere, as a share of the other seconds of a bake, so that it takes no more than a
-#: quarter where rays are slow; least and most rays of each kind that one estimate has, and their share from the probes.
-SHARE, LEAST_RAYS, MOST_RAYS, FROM_PROBES = 0.18, 80_000, 640_000, 2 / 3
-#: Seconds of a ray, with all that is done for it, which threads hardly share, and rays that one of each kind are in the
-#: end, as some go on: neither need be exact.
-RAY_SECONDS, FOLLOWED = 0.45e-6, 2.5
+#: What measuring aims to take elsewhere, as a share of the other seconds of a bake, and what of that finds what the
+#: radiosity lacks.
+SHARE, FOR_RADIOSITY = 0.21, 0.4
+#: Least and most rays of each kind, from all particles together and from all probes, in one estimate.
+LEAST_RAYS, MOST_RAYS = 25_000, 320_000
+#: Seconds of a ray, with all that is done for it, until that is known; rays that one of each kind are in the end from
+#: a particle, and from a probe, from where some go on.
+RAY_SECONDS, FOLLOWED, FOLLOWED_ON = 0.5e-6, 2, 3
 #: Rays of a probe that tell enough: where there are more, probes are more, and elsewhere fewer, down to so many.
-ENOUGH, FEWEST = 256, 300
-#: Applications of the exchange after which an error of the radiosity goes on as a geometric series.
-STEPS = 2
+ENOUGH, FEWEST = 200, 300
 #: Standard deviation of the product of both estimates' noise over all probes, as a share of their squared difference.
 COMMON = 0.15
 #: Samples of the probes that tell how far chance goes, and the share of them that the range holds.
@@ -64,10 +65,11 @@ def measure(
     settings: Settings,
     seconds: tuple[float, float],
     tick: Tick = silent,
+    clock: Callable[[], float] = time.perf_counter,
 ) -> dict[str, Any]:
     """Relative error of the irradiance (M, 3) found at points with normals (M, 3), judged at random ones of them.
 
-    seconds: those of the bake so far, and those of one application of the exchange. Returns
+    seconds: those of the bake so far, and those of one application of the exchange; clock: tells them. Returns
 
     measured_rms   relative L2 error over the probes, with the noise of what they are judged by taken out
     low, high      where it lies in 95 of 100 cases, fewer where few points have most of it; low is 0 where it is too
@@ -79,9 +81,19 @@ def measure(
                    expansions, relative to the largest irradiance that the source box can send there
     """
     rng = np.random.default_rng(0)
-    probes, rays, samples = _plan(min(settings.probes, len(found)), settings.target_error, *seconds)
-    chosen = np.sort(rng.choice(len(found), size=probes, replace=False))
-    gathered, further, traced = estimates(points[chosen], normals[chosen], solved, rays, samples, tick)
+    began, most, target = clock(), min(settings.probes, len(found)), settings.target_error
+    judge, affordable = Judge(solved, clock), SHARE * seconds[0]
+    if target is None:
+        judge.find_missing(_rays(FOR_RADIOSITY * (affordable - 2 * seconds[1]), FOLLOWED * RAY_SECONDS), tick)
+        rays = _rays(affordable - (clock() - began), FOLLOWED_ON * judge.ray_seconds)
+        most = min(most, max(FEWEST, round(rays / ENOUGH)))
+        rays = min(PROBE_RAYS, round(rays / most))
+    else:
+        effort = float(np.clip((USUAL_TARGET / target) ** 0.5, LEAST_EFFORT, MOST_EFFORT))
+        judge.find_missing(round(effort * PARTICLE_RAYS), tick)
+        rays = round(effort * PROBE_RAYS)
+    chosen = np.sort(rng.choice(len(found), size=most, replace=False))
+    gathered, further = judge.light(points[chosen], normals[chosen], rays, tick)
     whole = gathered + further
     errors = found[chosen] - whole
     scale = (whole[0] * whole[1]).sum(axis=1).mean()
@@ -102,57 +114,71 @@ def measure(
         "measured_max": float(np.linalg.norm(errors.mean(axis=0), axis=1).max() / np.sqrt(scale)),
         "gathered": _root(of_gather),
         "probes": len(chosen),
-        "rays": traced,
+        "rays": judge.rays,
         "bound": nearest_bound(settings.truncation, settings.separation) if multipole else None,
     }
 
 
-def estimates(
-    points: Points, normals: Points, solved: Solved, rays: int, samples: int, tick: Tick = silent
-) -> tuple[Points, Points, int]:
-    """Two independent estimates of the irradiance (2, M, 3) from what was solved, and of what that lacks, and how many
-    rays it took: so many of each kind for each point, and so many from all surfaces together.
+class Judge:
+    """Two independent estimates of the light from what was solved, and of what that lacks.
+
+    ray_seconds   how long a ray took, with all that is done for it
     """
-    particles = solved.space.sums.particles
-    reference, albedo = Reference(solved.scene, solved.space.sums), particles.of_triangles(solved.scene.albedo)
-    lamps, each = solved.lamps(points, normals), max(1, round(samples / len(particles.areas)))
-    gathered, further = [], []
-    for half in (0, 1):
-        residual = reference.residual(solved.radiosity, each, half) + albedo * solved.direct
-        tick(0.5 * half + 0.2)
-        missing = residual if solved.exchange is None else propagated(solved.exchange, albedo, residual)
-        tick(0.5 * half + 0.3)
-        found = reference.irradiance(points, normals, solved.radiosity, missing, solved.direct, rays, 2 + half)
-        gathered.append(found[0] + lamps)
-        further.append(found[1])
-        tick(0.5 * half + 0.5)
-    return np.array(gathered), np.array(further), reference.rays
+
+    def __init__(self, solved: Solved, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._solved, self._clock, self.ray_seconds = solved, clock, RAY_SECONDS
+        self._reference = Reference(solved.scene, solved.space.sums)
+        self._missing: list[Points] = []
+
+    @property
+    def rays(self) -> int:
+        """Rays traced so far."""
+        return self._reference.rays
+
+    def find_missing(self, samples: int, tick: Tick = silent) -> None:
+        """Finds what the radiosity lacks by so many rays of each kind from all surfaces together, in each estimate."""
+        solved, particles = self._solved, self._solved.space.sums.particles
+        albedo, each = particles.of_triangles(solved.scene.albedo), max(1, round(samples / len(particles.areas)))
+        began = self._clock()
+        residuals = [self._reference.residual(solved.radiosity, each, half) for half in (0, 1)]
+        self.ray_seconds = (self._clock() - began) / max(1, self.rays)
+        tick(0.3)
+        self._missing = [residual + albedo * solved.direct for residual in residuals]
+        if solved.exchange is not None:
+            again = reflected_again(solved, albedo)
+            self._missing = [propagated(solved.exchange, albedo, missing, again) for missing in self._missing]
+        tick(0.5)
+
+    def light(self, points: Points, normals: Points, rays: int, tick: Tick = silent) -> tuple[Points, Points]:
+        """Irradiance (2, M, 3) at points with normals (M, 3), and what it lacks, by so many rays of each kind each."""
+        solved, lamps = self._solved, self._solved.lamps(points, normals)
+        found = []
+        for half, missing in enumerate(self._missing):
+            given = points, normals, solved.radiosity, missing, solved.direct
+            found.append(self._reference.irradiance(*given, rays, 2 + half))
+            tick(0.75 + 0.25 * half)
+        gathered, further = np.swapaxes(found, 0, 1)
+        return gathered + lamps, further
 
 
-def propagated(exchange: Operator, albedo: Points, residual: Points) -> Points:
+def propagated(exchange: Operator, albedo: Points, residual: Points, again: Points) -> Points:
     """About the e (N, 3) of e = residual + albedo * exchange(e): what the radiosity lacks where each particle lacks so
-    much of what the others send it.
+    much of what the others send it. After the first reflection a share of `again` (3,) is left by each further one.
     """
-    total, term, ratio = residual, residual, 0.0
-    for _ in range(STEPS):
-        following = albedo * exchange.apply(term)
-        before = (term * term).sum()
-        ratio = (following * term).sum() / before if before > 0 else 0.0
-        total, term = total + following, following
-    ratio = min(max(ratio, 0.0), float(albedo.max()))
-    return total + term * ratio / (1 - ratio)
+    return residual + albedo * exchange.apply(residual) / (1 - again)
 
 
-def _plan(most: int, target: float | None, baked: float, application: float) -> tuple[int, int, int]:
-    """How many probes, at most so many, rays of each kind for each, and rays from all particles."""
-    if target is not None:
-        effort = float(np.clip((USUAL_TARGET / target) ** 0.5, LEAST_EFFORT, MOST_EFFORT))
-        return most, round(effort * PROBE_RAYS), round(effort * PARTICLE_RAYS)
-    left = SHARE * baked - 2 * STEPS * application
-    rays = float(np.clip(left / (2 * FOLLOWED * RAY_SECONDS), LEAST_RAYS, MOST_RAYS))
-    asked = FROM_PROBES * rays
-    probes = min(most, max(FEWEST, round(asked / ENOUGH)))
-    return probes, min(PROBE_RAYS, round(asked / probes)), round(rays - asked)
+def reflected_again(solved: Solved, albedo: Points) -> Points:
+    """(3,) the share of all light in a scene that surfaces (N, 3) reflect onto others."""
+    particles = solved.space.sums.particles
+    reflected = solved.radiosity - particles.of_triangles(solved.scene.emission) - albedo * solved.direct
+    sent, all_light = particles.weights @ reflected, particles.weights @ solved.radiosity
+    return np.clip(sent / np.where(all_light > 0, all_light, 1.0), 0.0, albedo.max(axis=0))
+
+
+def _rays(seconds: float, each: float) -> int:
+    """How many rays of each kind so many seconds pay for in each of two estimates, of so many seconds each."""
+    return round(np.clip(seconds / (2 * each), LEAST_RAYS, MOST_RAYS))
 
 
 def _root(squared: float) -> float:

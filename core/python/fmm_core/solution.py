@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .accuracy import PROBE_RAYS, Solved, estimates, measure
+from .accuracy import PROBE_RAYS, Judge, Solved, measure
 from .arrays import finite_rows, unit_rows
 from .direct_light import LIGHTING, Receivers
 from .effects import plan, planned
@@ -203,7 +203,9 @@ class Solution:
         """
         points, normals = self._receivers(points, normals)
         with memory_errors():
-            gathered, further, _ = estimates(points, normals, self._solved(rays), rays, samples, tick)
+            judge = Judge(self._solved(rays))
+            judge.find_missing(samples, tick)
+            gathered, further = judge.light(points, normals, rays, tick)
         return gathered + further
 
     def _measured(self, irradiance: NDArray[np.float64], points: Points, normals: Points, tick: Tick) -> dict[str, Any]:
