@@ -15,9 +15,8 @@ SETTINGS = fmm_core.Settings(particles=2000, probes=0)
 
 
 def tilted(normals, degrees, turn):
-    s, t = patterns.tangents(normals)
-    angle = np.radians(degrees)
-    return np.cos(angle) * normals + np.sin(angle) * (np.cos(turn) * s + np.sin(turn) * t)
+    cosines = np.full((len(normals), 1), np.cos(np.radians(degrees)))
+    return patterns.around(normals, cosines, np.full((len(normals), 1), turn))[:, 0]
 
 
 def error(found, exact):

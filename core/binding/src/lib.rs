@@ -6,6 +6,7 @@ mod direct;
 mod fmm;
 mod geometry;
 mod medium;
+mod samples;
 
 use pyo3::prelude::*;
 
@@ -30,5 +31,7 @@ fn _binding(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(direct::rays_between, module)?)?;
     module.add_function(wrap_pyfunction!(direct::mark_visible, module)?)?;
     module.add_function(wrap_pyfunction!(direct::symmetrise, module)?)?;
+    module.add_function(wrap_pyfunction!(samples::around, module)?)?;
+    module.add_function(wrap_pyfunction!(samples::aim, module)?)?;
     Ok(())
 }

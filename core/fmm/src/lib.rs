@@ -38,6 +38,7 @@ mod passes;
 pub mod planes;
 pub mod portions;
 pub mod rays;
+pub mod samples;
 pub mod shaft;
 pub mod surface;
 pub mod threads;

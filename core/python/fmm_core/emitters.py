@@ -44,7 +44,8 @@ class Emitters:
     """The patches that emit strongly, to be chosen by their power; by_place: neighbours follow each other, so that what
     is even over all power is even over the surfaces. That tells few rays more of irradiance, less of a narrow gloss.
 
-    patches      (E,) rows of the particles' patches; cumulative (E,): the share of all power up to each of them
+    patches      (E,) rows of the particles' patches; corners (E, 3, 3) and normals (E, 3) of these; cumulative (E,):
+                 the share of all power up to each of them
     density      (N + 1,) per area, with which a chosen point is on a particle's patch; the last one is for no particle
     number       (N + 1,) of the patch of each particle among `patches`, for those that have one
     """
@@ -60,8 +61,9 @@ class Emitters:
         power = power[self.patches]
         self.cumulative: Points = np.cumsum(power / power.sum())
         self._power, self._areas, self._radii = power, particles.areas[patches], particles.radii[patches]
-        self._centres = particles.patches[patches].mean(axis=1)
-        self._normals = particles.normals[patches * particles.per_patch]
+        self.corners = np.ascontiguousarray(particles.patches[patches])
+        self.normals = np.ascontiguousarray(particles.normals[patches * particles.per_patch])
+        self._centres = self.corners.mean(axis=1)
         density = np.zeros(len(of_patches))
         density[self.patches] = power / power.sum() / particles.areas[self.patches]
         self.density: Points = np.append(particles.of_points(density), 0.0)
@@ -83,7 +85,7 @@ class Emitters:
         between = self._centres - points[:, None]
         distances = np.maximum(np.linalg.norm(between, axis=2), self._radii)
         # Those whose centres lie behind the horizon may reach above it.
-        there = np.maximum(self._radii - np.einsum("mex,ex->me", between, self._normals), 0.0)
+        there = np.maximum(self._radii - np.einsum("mex,ex->me", between, self.normals), 0.0)
         here = np.maximum(self._radii + np.einsum("mex,mx->me", between, normals), 0.0)
         near = self._power * there / distances**3
         return self._mostly(near * here / distances), self._mostly(near)

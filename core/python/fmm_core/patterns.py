@@ -4,6 +4,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _binding
+
 Points = NDArray[np.float64]
 
 #: From one point to the next, of a whole turn (Vogel's spiral).
@@ -60,15 +62,6 @@ def triangles(corners: Points, cuts: int) -> Points:
 
 def around(axes: Points, cosines: Points, angles: Points) -> Points:
     """(M, K, 3) unit vectors about unit axes (M, 3), of a cosine with them and an angle about them (M, K)."""
-    s, t = tangents(axes)
-    sines = np.sqrt(np.maximum(1 - cosines**2, 0.0))
-    x, y = sines * np.cos(angles), sines * np.sin(angles)
-    return x[..., None] * s[:, None] + y[..., None] * t[:, None] + cosines[..., None] * axes[:, None]
-
-
-def tangents(axes: Points) -> tuple[Points, Points]:
-    """Two unit vectors (M, 3) at right angles to unit vectors (M, 3) and to each other."""
-    other = np.where(np.abs(axes[:, :1]) > 0.6, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
-    s = np.cross(axes, other)
-    s /= np.linalg.norm(s, axis=1, keepdims=True)
-    return s, np.cross(axes, s)
+    cosines, angles = (np.ascontiguousarray(values, np.float64) for values in np.broadcast_arrays(cosines, angles))
+    found = _binding.around(np.ascontiguousarray(axes), cosines.ravel(), angles.ravel())
+    return found.reshape(*cosines.shape, 3)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _binding
 from .emitters import Choice, Emitters
 from .medium import left
 from .particles import NO_PATCH, Particles
@@ -188,12 +189,12 @@ class Reference:
         received[lit, :3] -= (1 - share)[:, None] * passed[lit] * scene.emission[particles.triangle[met.particles[lit]]]
 
         number = choice.emitters(rows, at)
-        patch = self._emitters.patches[number]
-        ends, chosen = _random_points(particles.patches[patch], rng), patch * particles.per_patch
-        share = _share(points, normals, ends, particles.normals[chosen], choice.density[rows, number])
+        facing = self._emitters.normals
+        aiming = points, normals, number.astype(np.uint32), choice.density[rows, number]
+        ends, share = _binding.aim((self._emitters.corners, facing), aiming, rng.random((len(points), 2)))
         asked = np.flatnonzero(share > 0)
-        seen = asked[self._occlusion.sees(points[asked], normals[asked], ends[asked], particles.normals[chosen[asked]])]
-        triangles = particles.triangle[chosen[seen]]
+        seen = asked[self._occlusion.sees(points[asked], normals[asked], ends[asked], facing[number[asked]])]
+        triangles = particles.triangle[self._emitters.patches[number[seen]] * particles.per_patch]
         if scene.opacity is not None:
             share[seen] *= scene.opacity.mean[triangles]
         arrived = share[seen, None] * self._left(points[seen], ends[seen])
