@@ -26,14 +26,14 @@ PROBE_RAYS, PARTICLE_RAYS = 1024, 320_000
 USUAL_TARGET, LEAST_EFFORT, MOST_EFFORT = 0.005, 0.22, 1.5
 #: What measuring aims to take elsewhere, as a share of the other seconds of a bake, and what of that finds what the
 #: radiosity lacks.
-SHARE, FOR_RADIOSITY = 0.21, 0.4
+SHARE, FOR_RADIOSITY = 0.23, 0.4
 #: Least and most rays of each kind, from all particles together and from all probes, in one estimate.
-LEAST_RAYS, MOST_RAYS = 25_000, 320_000
+LEAST_RAYS, MOST_RAYS = 32_000, 320_000
 #: Seconds of a ray, with all that is done for it, until that is known; rays that one of each kind are in the end from
 #: a particle, and from a probe, from where some go on.
-RAY_SECONDS, FOLLOWED, FOLLOWED_ON = 0.5e-6, 2, 3
+RAY_SECONDS, FOLLOWED, FOLLOWED_ON = 0.5e-6, 1.5, 3
 #: Rays of a probe that tell enough: where there are more, probes are more, and elsewhere fewer, down to so many.
-ENOUGH, FEWEST = 200, 300
+ENOUGH, FEWEST = 280, 300
 #: Standard deviation of the product of both estimates' noise over all probes, as a share of their squared difference.
 COMMON = 0.15
 #: Samples of the probes that tell how far chance goes, and the share of them that the range holds.
