@@ -7,6 +7,8 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyAr
 use pyo3::prelude::*;
 
 type Points<'py> = PyReadonlyArray2<'py, f64>;
+/// Points (K, 3), and the share (K,) that each counts with.
+type Ends<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
 /// Unit vectors (K, 3) about unit axes (M, 3), of cosines with them and angles about them (K,), as many for each axis.
 #[pyfunction]
@@ -28,7 +30,7 @@ pub fn aim<'py>(
     at: (PyReadonlyArray3<f64>, Points),
     from: (Points, Points, PyReadonlyArray1<u32>, PyReadonlyArray1<f64>),
     numbers: PyReadonlyArray2<f64>,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+) -> PyResult<Ends<'py>> {
     let at = Targets { triangles: triangles(&at.0)?, normals: triples(&at.1, "target normals")? };
     let (points, normals) = (triples(&from.0, "points")?, triples(&from.1, "normals")?);
     let from = Aiming { points, normals, targets: flat(&from.2)?, densities: flat(&from.3)? };

@@ -43,8 +43,8 @@ pub struct Aiming<'a> {
     pub densities: &'a [f64],
 }
 
-/// For each of those that aim, a point of its target by two numbers even in [0, 1), and how likely a ray even by cosine
-/// is to go there, as a share of that and of aiming there (the balance heuristic).
+/// For each of those that aim, a point of its target by two numbers even in [0, 1), and what share of its light arrives
+/// by the sample where rays even by cosine go there too: both are weighted by the power heuristic.
 pub fn aim(at: Targets, from: Aiming, numbers: &[[f64; 2]]) -> Result<Vec<([f64; 3], f64)>, Error> {
     let count = from.points.len();
     same_length("target normals", at.triangles.len(), at.normals.len())?;
@@ -63,7 +63,8 @@ pub fn aim(at: Targets, from: Aiming, numbers: &[[f64; 2]]) -> Result<Vec<([f64;
         let here = between.dot(from.normals[i].into()).max(0.0);
         let there = (-between.dot(at.normals[target].into())).max(0.0);
         let by_ray = here * there / (std::f64::consts::PI * squared);
-        (end.into(), by_ray / (by_ray + from.densities[i] * squared))
+        let over = by_ray / (from.densities[i] * squared).max(f64::MIN_POSITIVE);
+        (end.into(), 1.0 / (over + over.recip()))
     };
     Ok((0..count).map(one).collect())
 }
@@ -91,17 +92,18 @@ mod tests {
     }
 
     #[test]
-    fn a_target_of_which_half_is_as_likely_by_either_counts_half() {
+    fn a_target_that_is_as_likely_by_either_counts_half() {
         let triangle = [[1.0, 0.0, 2.0], [1.0, 0.0, 2.0], [1.0, 0.0, 2.0]];
         let at = Targets { triangles: &[triangle], normals: &[[0.0, 0.0, -1.0]] };
         // By cosine: 2 * 2 / (pi * 5^2) per area.
-        let densities = [4.0 / (std::f64::consts::PI * 25.0), 0.0];
+        let even = 4.0 / (std::f64::consts::PI * 25.0);
+        let (points, normals) = ([[0.0; 3]; 3], [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]);
         let from =
-            Aiming { points: &[[0.0; 3]; 2], normals: &[[0.0, 0.0, 1.0]; 2], targets: &[0, 0], densities: &densities };
-        let found = aim(at, from, &[[0.3, 0.7]; 2]).unwrap();
-        assert!((found[0].1 - 0.5).abs() < 1e-15 && found[1].1 == 1.0);
+            Aiming { points: &points, normals: &normals, targets: &[0; 3], densities: &[even, 2.0 * even, even] };
+        let found = aim(at, from, &[[0.3, 0.7]; 3]).unwrap();
+        assert!((found[0].1 - 0.5).abs() < 1e-15 && (found[1].1 - 0.4).abs() < 1e-15 && found[2].1 == 0.0);
         assert_eq!(found[0].0, [1.0, 0.0, 2.0]);
-        assert!(aim(at, Aiming { targets: &[0, 1], ..from }, &[[0.0; 2]; 2]).is_err());
+        assert!(aim(at, Aiming { targets: &[0, 0, 1], ..from }, &[[0.0; 2]; 3]).is_err());
     }
 
     #[test]

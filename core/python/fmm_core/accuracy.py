@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The measured error of a solve: a few random probes, each found once more by rays, and a range that it lies in."""
 
+import itertools
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,10 +29,9 @@ USUAL_TARGET, LEAST_EFFORT, MOST_EFFORT = 0.005, 0.22, 1.5
 #: radiosity lacks.
 SHARE, FOR_RADIOSITY = 0.23, 0.4
 #: Least and most rays of each kind, from all particles together and from all probes, in one estimate.
-LEAST_RAYS, MOST_RAYS = 32_000, 320_000
-#: Seconds of a ray, with all that is done for it, until that is known; rays that one of each kind are in the end from
-#: a particle, and from a probe, from where some go on.
-RAY_SECONDS, FOLLOWED, FOLLOWED_ON = 0.5e-6, 1.5, 3
+LEAST_RAYS, MOST_RAYS = 40_000, 320_000
+#: Rays that one of each kind are in the end from a particle, and from a probe, from where some go on.
+FOLLOWED, FOLLOWED_ON = 1.5, 3
 #: Rays of a probe that tell enough: where there are more, probes are more, and elsewhere fewer, down to so many.
 ENOUGH, FEWEST = 280, 300
 #: Standard deviation of the product of both estimates' noise over all probes, as a share of their squared difference.
@@ -84,15 +84,19 @@ def measure(
     began, most, target = clock(), min(settings.probes, len(found)), settings.target_error
     judge, affordable = Judge(solved, clock), SHARE * seconds[0]
     if target is None:
-        judge.find_missing(_rays(FOR_RADIOSITY * (affordable - 2 * seconds[1]), FOLLOWED * RAY_SECONDS), tick)
-        rays = _rays(affordable - (clock() - began), FOLLOWED_ON * judge.ray_seconds)
+        affordable -= 2 * seconds[1]
+        judge.find_missing(LEAST_RAYS, tick)
+        more = _rays(FOR_RADIOSITY * affordable - (clock() - began), FOLLOWED * judge.ray_seconds)
+        if more > LEAST_RAYS:
+            judge.find_missing(more, tick)
+        rays = max(LEAST_RAYS, _rays(affordable - (clock() - began), FOLLOWED_ON * judge.ray_seconds))
         most = min(most, max(FEWEST, round(rays / ENOUGH)))
         rays = min(PROBE_RAYS, round(rays / most))
     else:
         effort = float(np.clip((USUAL_TARGET / target) ** 0.5, LEAST_EFFORT, MOST_EFFORT))
         judge.find_missing(round(effort * PARTICLE_RAYS), tick)
         rays = round(effort * PROBE_RAYS)
-    chosen = np.sort(rng.choice(len(found), size=most, replace=False))
+    chosen = spread(points, normals, most, rng)
     gathered, further = judge.light(points[chosen], normals[chosen], rays, tick)
     whole = gathered + further
     errors = found[chosen] - whole
@@ -122,43 +126,61 @@ def measure(
 class Judge:
     """Two independent estimates of the light from what was solved, and of what that lacks.
 
-    ray_seconds   how long a ray took, with all that is done for it
+    ray_seconds   how long a ray took that found what is missing, with all that is done for it
     """
 
     def __init__(self, solved: Solved, clock: Callable[[], float] = time.perf_counter) -> None:
-        self._solved, self._clock, self.ray_seconds = solved, clock, RAY_SECONDS
+        self._solved, self._clock, self._spent, self._seeds = solved, clock, 0.0, itertools.count()
         self._reference = Reference(solved.scene, solved.space.sums)
-        self._missing: list[Points] = []
+        self._samples, self._residuals = 0, np.zeros((2, *solved.radiosity.shape))
 
     @property
     def rays(self) -> int:
         """Rays traced so far."""
         return self._reference.rays
 
+    @property
+    def ray_seconds(self) -> float:
+        return self._spent / max(1, self.rays)
+
     def find_missing(self, samples: int, tick: Tick = silent) -> None:
-        """Finds what the radiosity lacks by so many rays of each kind from all surfaces together, in each estimate."""
-        solved, particles = self._solved, self._solved.space.sums.particles
-        albedo, each = particles.of_triangles(solved.scene.albedo), max(1, round(samples / len(particles.areas)))
-        began = self._clock()
-        residuals = [self._reference.residual(solved.radiosity, each, half) for half in (0, 1)]
-        self.ray_seconds = (self._clock() - began) / max(1, self.rays)
+        """Finds what the radiosity lacks by so many more rays of each kind from all surfaces, in each estimate."""
+        solved, began = self._solved, self._clock()
+        each = max(1, round(samples / len(solved.space.sums.particles.areas)))
+        found = [self._reference.residual(solved.radiosity, each, next(self._seeds)) for _ in range(2)]
+        self._samples += each
+        self._residuals += (np.array(found) - self._residuals) * (each / self._samples)
+        self._spent += self._clock() - began
         tick(0.3)
-        self._missing = [residual + albedo * solved.direct for residual in residuals]
-        if solved.exchange is not None:
-            again = reflected_again(solved, albedo)
-            self._missing = [propagated(solved.exchange, albedo, missing, again) for missing in self._missing]
-        tick(0.5)
+
+    def _missing(self) -> Points:
+        """(2, N, 3) what the radiosity lacks."""
+        solved, albedo = self._solved, self._solved.space.sums.particles.of_triangles(self._solved.scene.albedo)
+        residuals = self._residuals + albedo * solved.direct
+        if solved.exchange is None:
+            return residuals
+        again = reflected_again(solved, albedo)
+        return np.array([propagated(solved.exchange, albedo, residual, again) for residual in residuals])
 
     def light(self, points: Points, normals: Points, rays: int, tick: Tick = silent) -> tuple[Points, Points]:
         """Irradiance (2, M, 3) at points with normals (M, 3), and what it lacks, by so many rays of each kind each."""
         solved, lamps = self._solved, self._solved.lamps(points, normals)
         found = []
-        for half, missing in enumerate(self._missing):
+        for half, missing in enumerate(self._missing()):
+            tick(0.5 + 0.25 * half)
             given = points, normals, solved.radiosity, missing, solved.direct
-            found.append(self._reference.irradiance(*given, rays, 2 + half))
-            tick(0.75 + 0.25 * half)
+            found.append(self._reference.irradiance(*given, rays, next(self._seeds)))
+        tick(1.0)
         gathered, further = np.swapaxes(found, 0, 1)
         return gathered + lamps, further
+
+
+def spread(points: Points, normals: Points, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Rows (K,) of so many of the points with normals (M, 3), each as likely as any other: one of each K-th of them,
+    where neighbours follow each other, since their errors are alike.
+    """
+    order = _binding.tree_order(np.ascontiguousarray(points), np.ascontiguousarray(normals)).astype(np.int64)
+    return np.sort(order[((np.arange(count) + rng.random(count)) * (len(points) / count)).astype(np.int64)])
 
 
 def propagated(exchange: Operator, albedo: Points, residual: Points, again: Points) -> Points:
@@ -178,7 +200,7 @@ def reflected_again(solved: Solved, albedo: Points) -> Points:
 
 def _rays(seconds: float, each: float) -> int:
     """How many rays of each kind so many seconds pay for in each of two estimates, of so many seconds each."""
-    return round(np.clip(seconds / (2 * each), LEAST_RAYS, MOST_RAYS))
+    return round(min(seconds / (2 * each), MOST_RAYS))
 
 
 def _root(squared: float) -> float:

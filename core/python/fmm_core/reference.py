@@ -11,7 +11,7 @@ from . import _binding
 from .emitters import Choice, Emitters
 from .medium import left
 from .particles import NO_PATCH, Particles
-from .patterns import R3, around, disc
+from .patterns import R2, R3, ROOTS, around, disc
 from .scene import Scene
 from .transport import Sums
 from .visibility import Met
@@ -31,7 +31,8 @@ class Reference:
     """Irradiance from given radiosity by rays alone, without boxes, expansions or lists.
 
     Rays go over the hemisphere evenly by cosine, and to random points of the strong emitters. Both find the light of
-    these, and are weighted by the balance heuristic (Veach and Guibas, SIGGRAPH 1995): no sample exceeds the emission.
+    these, and are weighted by the power heuristic (Veach and Guibas, SIGGRAPH 1995): no sample exceeds the emission,
+    and the less likely way to find an emitter does not spoil the other.
 
     rays   traced so far
     """
@@ -73,8 +74,8 @@ class Reference:
             starts, across = (np.repeat(values[rows], rays, axis=0) for values in (points, normals))
             owners = np.repeat(np.arange(rows.stop - rows.start), rays)
             choice, choice_on = self._choices(points[rows], normals[rows])
-            directions, at = _evenly(normals[rows], rays, rng)
-            received, met, passed, traced = self._received(starts, across, directions, at, both, rng, choice, owners)
+            samples = _samples(normals[rows], rays, rng)
+            received, met, passed, traced = self._received(starts, across, samples, both, choice, owners)
             more, rays_on = self._further(starts, met, passed, both, direct, rng, choice_on, owners)
             received[:, 3:] += more
             received = received.reshape(-1, rays, 6).mean(axis=1)
@@ -119,11 +120,11 @@ class Reference:
             triangles = np.where(whole, particles.triangle[chosen], met.triangles[hit])
             known = both[chosen, :3] + both[chosen, 3:]
             # What follows each other comes from one point mostly.
-            upwards, turns, at = ((rng.random(3) + np.arange(len(hit))[:, None] * R3) % 1.0).T
+            upwards, turns = _sequence(len(hit), rng.random(2), R2).T
             directions = around(normals, np.sqrt(1 - upwards)[:, None], 2 * np.pi * turns[:, None])[:, 0]
-            received, met, there, rays = self._received(
-                starts, normals, directions, at, both, rng, choice, owners[rows]
-            )
+            aimed = _sequence(len(hit), rng.random(3), R3)
+            samples = _Samples(directions, aimed[:, 0], aimed[:, 1:])
+            received, met, there, rays = self._received(starts, normals, samples, both, choice, owners[rows])
             irradiance = received[:, :3] + received[:, 3:] + direct[chosen]
             more[rows] += passed * (scene.emission[triangles] + scene.albedo[triangles] * irradiance - known)
             passed = passed * scene.albedo[triangles] * there
@@ -140,9 +141,9 @@ class Reference:
         def block(rows: slice) -> int:
             rng = np.random.default_rng([seed, rows.start])
             triangles, points, normals = self._places.random(rows, samples, rng)
-            directions, at = _evenly(normals[::samples], samples, rng)
+            given = _samples(normals[::samples], samples, rng)
             received, _, _, traced = self._received(
-                points, normals, directions, at, radiosity, rng, self._anywhere, np.arange(len(points))
+                points, normals, given, radiosity, self._anywhere, np.arange(len(points))
             )
             sent = scene.emission[triangles] + scene.albedo[triangles] * received
             of_patches[rows] = sent.reshape(-1, samples, 3).mean(axis=1)
@@ -158,22 +159,19 @@ class Reference:
         self,
         points: Points,
         normals: Points,
-        directions: Points,
-        at: Points,
+        samples: "_Samples",
         radiosity: Points,
-        rng: np.random.Generator,
         choice: Choice | None,
         rows: NDArray[np.int64],
     ) -> tuple[Points, Met, Points, int]:
         """One sample (K, 3 k) of what each point receives, what its ray meets, what is left (K, 3) of the light from
         there, and the number of rays traced.
 
-        directions (K, 3) even by cosine; at (K,) even in [0, 1), chooses among the emitters as rows (K,) of the choice
-        have it, or all alike where that has one row; radiosity (N, 3 k), of which the first three columns have the
-        emission of the scene, and others none.
+        Emitters are chosen as rows (K,) of the choice have it, or all alike where that has one row; radiosity (N, 3 k),
+        of which the first three columns have the emission of the scene, and others none.
         """
         scene, particles = self._scene, self._particles
-        met = self._occlusion.met(points, normals, directions, self._surface)
+        met = self._occlusion.met(points, normals, samples.directions, self._surface)
         received = radiosity[met.particles]
         received[met.particles < 0] = 0.0
         passed = self._left(points, met.positions)
@@ -188,10 +186,10 @@ class Reference:
         share = _share(points[lit], normals[lit], met.positions[lit], met.normals[lit], density)
         received[lit, :3] -= (1 - share)[:, None] * passed[lit] * scene.emission[particles.triangle[met.particles[lit]]]
 
-        number = choice.emitters(rows, at)
+        number = choice.emitters(rows, samples.at)
         facing = self._emitters.normals
         aiming = points, normals, number.astype(np.uint32), choice.density[rows, number]
-        ends, share = _binding.aim((self._emitters.corners, facing), aiming, rng.random((len(points), 2)))
+        ends, share = _binding.aim((self._emitters.corners, facing), aiming, np.ascontiguousarray(samples.ends))
         asked = np.flatnonzero(share > 0)
         seen = asked[self._occlusion.sees(points[asked], normals[asked], ends[asked], facing[number[asked]])]
         triangles = particles.triangle[self._emitters.patches[number[seen]] * particles.per_patch]
@@ -264,7 +262,7 @@ class _Places:
             flat /= np.linalg.norm(flat, axis=1, keepdims=True)
             # Normals of one group lie within a right angle.
             normals[groups] = flat * np.sign((flat * normals[groups]).sum(axis=1, keepdims=True))
-        return triangles, _random_points(corners, rng), normals
+        return triangles, _inside(corners, _sequence(len(corners), rng.random(2), ROOTS)), normals
 
 
 def _block(count: int, rays: int) -> int:
@@ -274,15 +272,15 @@ def _block(count: int, rays: int) -> int:
 
 
 def _share(points: Points, normals: Points, ends: Points, end_normals: Points, density: Points) -> Points:
-    """(K,) how likely a ray even by cosine is to go to an end, as a share of that and of choosing it at random with a
-    density (K,) per area.
+    """(K,) how much of the light of an end a ray even by cosine finds, where others choose it at random with a density
+    (K,) per area.
     """
     between = ends - points
     squared = np.maximum(_dot(between, between), np.finfo(float).tiny)
     here = np.maximum(_dot(between, normals), 0.0)
     there = np.maximum(-_dot(between, end_normals), 0.0)
-    by_ray = here * there / (np.pi * squared)
-    return by_ray / (by_ray + density * squared)
+    by_ray, aimed = here * there / (np.pi * squared), density * squared
+    return by_ray**2 / np.maximum(by_ray**2 + aimed**2, np.finfo(float).tiny)
 
 
 def _dot(a: Points, b: Points) -> Points:
@@ -290,17 +288,33 @@ def _dot(a: Points, b: Points) -> Points:
     return np.einsum("kx,kx->k", a, b)
 
 
-def _random_points(triangles: Points, rng: np.random.Generator) -> Points:
-    """(K, 3) a random point of each triangle (K, 3, 3)."""
-    root, other = np.sqrt(rng.random(len(triangles)))[:, None], rng.random(len(triangles))[:, None]
+def _inside(triangles: Points, numbers: Points) -> Points:
+    """(K, 3) the points of triangles (K, 3, 3) for numbers (K, 2) in [0, 1), even where these are."""
+    root, other = np.sqrt(numbers[:, :1]), numbers[:, 1:]
     a, b, c = triangles.transpose(1, 0, 2)
     return (1 - root) * a + root * ((1 - other) * b + other * c)
 
 
-def _evenly(normals: Points, count: int, rng: np.random.Generator) -> tuple[Points, Points]:
-    """Directions (M * count, 3) about unit normals (M, 3), even by cosine along Vogel's spiral, and as many numbers
-    even in [0, 1), in order.
+@dataclass(frozen=True)
+class _Samples:
+    """Of rays: directions (K, 3) even by cosine; numbers even in [0, 1): at (K,) tell the emitters that are aimed at,
+    and ends (K, 2) the places on these.
     """
-    squares, angles = np.moveaxis(disc(count, rng.random((len(normals), 2))), 2, 0)
-    numbers = (np.arange(count) + rng.random((len(normals), count))) / count
-    return around(normals, np.sqrt(1 - squares), angles).reshape(-1, 3), numbers.ravel()
+
+    directions: Points
+    at: Points
+    ends: Points
+
+
+def _samples(normals: Points, count: int, rng: np.random.Generator) -> _Samples:
+    """As many for each of unit normals (M, 3), along Vogel's spiral, and in order of what they aim at."""
+    turns = rng.random((len(normals), 5))
+    squares, angles = np.moveaxis(disc(count, turns[:, :2]), 2, 0)
+    at = (np.arange(count) + turns[:, 2:3]) / count
+    ends = _sequence(count, turns[:, None, 3:], R2)
+    return _Samples(around(normals, np.sqrt(1 - squares), angles).reshape(-1, 3), at.ravel(), ends.reshape(-1, 2))
+
+
+def _sequence(count: int, start: Points, step: Points) -> Points:
+    """(..., count, D) numbers even in [0, 1), the first of which are at start (D,), or (..., 1, D)."""
+    return (start + np.arange(count)[:, None] * step) % 1.0
