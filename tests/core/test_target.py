@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A target error alone chooses the settings, and the error that comes out is no larger."""
 
+from dataclasses import replace
+
 import fmm_core
 import numpy as np
 import pytest
-from fmm_core.target import _met, better
+from fmm_core.target import MOST_PARTICLES, _met, better
 from test_accuracy import POINTS, SCENE, exact  # noqa: F401
 
 
@@ -12,9 +14,9 @@ def baked(**options):
     return fmm_core.solve_at(SCENE, fmm_core.Settings(method="fmm", **options), *POINTS)
 
 
-def last(measured, gathered, method="fmm", particles=1000, high=None):
+def last(measured, gathered, method="fmm", particles=1000, high=None, rays=100):
     error = {"measured_rms": measured, "high": high or 1.2 * measured, "gathered": gathered}
-    return error | {"method": method, "particles": particles}
+    return error | {"method": method, "particles": particles, "rays": rays}
 
 
 @pytest.mark.parametrize("target", [0.05, 0.01])
@@ -60,7 +62,7 @@ def test_settings_that_are_given_stay_and_a_target_that_they_forbid_is_told():
 
 def test_the_direct_method_takes_more_particles():
     asked = fmm_core.Settings(method="direct", target_error=0.01)
-    raised = better(asked, asked.begin(), last(0.02, 0.015, method="direct"), np.inf)
+    raised = better(asked, asked.begin(), last(0.02, 0.015, method="direct"), None)
     assert raised.particles > 2000
     assert raised.truncation == asked.begin().truncation
 
@@ -68,21 +70,30 @@ def test_the_direct_method_takes_more_particles():
 def test_what_is_raised_is_what_the_error_comes_from():
     asked = fmm_core.Settings(target_error=0.01)
     used = asked.begin()
-    grainy = better(asked, used, last(0.03, 0.03), np.inf)
+    grainy = better(asked, used, last(0.03, 0.03), None)
     assert grainy.rays > 3 * used.rays
     assert grainy.particles is None
-    coarse = better(asked, used, last(0.03, 0.004), np.inf)
+    coarse = better(asked, used, last(0.03, 0.004), None)
     assert coarse.particles > 2000
     assert coarse.truncation == used.truncation + 1
-    stuck = better(asked, used, last(0.03, 0.03), 0.031)
+    stuck = better(asked, grainy, last(0.03, 0.03), last(0.03, 0.031, rays=used.rays))
     assert stuck.particles > 2000
     assert stuck.rays == used.rays
+
+
+def test_nothing_is_left_to_raise_where_rays_do_not_help_and_particles_are_as_many_as_may_be():
+    asked = fmm_core.Settings(target_error=0.01)
+    most = replace(asked.begin(), particles=MOST_PARTICLES)
+    grainy = better(asked, most, last(0.03, 0.03), None)
+    assert grainy.rays > most.rays
+    assert better(asked, grainy, last(0.03, 0.03), last(0.03, 0.031)) == grainy
+    assert better(asked, grainy, last(0.03, 0.015), last(0.03, 0.031)) != grainy
 
 
 @pytest.mark.parametrize("method", ["direct", "fmm"])
 def test_what_is_met_but_not_surely_is_raised_by_how_wrong_it_may_be(method):
     asked = fmm_core.Settings(method=method, target_error=0.01)
-    near, far = (better(asked, asked.begin(), last(0.008, 0.008, method, high=high), np.inf) for high in (0.013, 0.03))
+    near, far = (better(asked, asked.begin(), last(0.008, 0.008, method, high=high), None) for high in (0.013, 0.03))
     assert far.particles > 5000
     assert near.particles < 0.6 * far.particles
 

@@ -46,7 +46,7 @@ def solve_at(
     several = target is not None
     solution = solve(scene, settings, _part(progress, 0, several, 0.0, 0.8), kept)
     irradiance = solution.irradiance(points, normals, _part(progress, 0, several, 0.8, 1.0), effort)
-    rounds, before = solution.report["rounds"], math.inf
+    rounds, before = solution.report["rounds"], None
     if not rounds:
         return solution, irradiance
     while not _met(rounds, target) and len(rounds) < MOST_ROUNDS:
@@ -55,11 +55,11 @@ def solve_at(
         if finer == used:
             break
         if finer.particles == used.particles:
-            before = last["gathered"]
+            before = last
             solution.use(finer)
         else:
             # Two solutions at a time may be too much for the memory.
-            before, report, solution = math.inf, solution.report, None
+            before, report, solution = None, solution.report, None
             solution = solve_with(scene, settings, finer, _part(progress, len(rounds), True, 0.0, 0.8), kept)
             solution.follow(report)
         irradiance = solution.irradiance(points, normals, _part(progress, len(rounds), True, 0.8, 1.0), effort)
@@ -77,23 +77,21 @@ def _met(rounds: list[dict[str, Any]], target: float) -> bool:
     return meets[-1] and (rounds[-1]["high"] <= SURE * target or (all(meets[:-1]) and len(meets) > 1))
 
 
-def better(asked: Settings, used: Settings, last: dict[str, Any], before: float) -> Settings:
+def better(asked: Settings, used: Settings, last: dict[str, Any], before: dict[str, Any] | None) -> Settings:
     """Settings with which the measured error comes nearer to the target; the same where nothing is left to raise.
 
     asked   what is given there stays
     last    the last of the rounds, as the report has it
-    before  the part of the gather in the round before if that had the same particles, else infinity
+    before  the round before if that had the same particles
     """
     target, gathered, particles = asked.target_error, last["gathered"], used.particles or last["particles"]
     # Where it is met, but not surely, it is the error that there may be which has to come down.
     error = last["high"] if last["measured_rms"] <= target else last["measured_rms"]
     of_radiosity = max(0.0, error**2 - gathered**2) ** 0.5
     gather, radiosity = gathered / (AIM * target), of_radiosity / (AIM_RADIOSITY * target)
-    # Rays that do not help the gather say that its sources are too coarse.
-    stuck = gathered > STUCK * before
-    wanted: dict[str, int] = {}
-    if not stuck:
-        wanted["rays"] = round(used.rays * _factor(gather))
+    # Where neither rays nor a larger p help the gather its sources are too coarse, and so many rays are not needed.
+    stuck = before is not None and gathered > STUCK * before["gathered"]
+    wanted = {"rays": before["rays"] if stuck else round(used.rays * _factor(gather))}
     if last["method"] == "direct":
         # Rays only go to lamps and the sky there.
         wanted["particles"] = round(particles * _factor(error / (AIM * target)))
@@ -109,7 +107,7 @@ def better(asked: Settings, used: Settings, last: dict[str, Any], before: float)
     wanted = {name: min(value, most[name]) for name, value in wanted.items() if getattr(asked, name) is None}
     if wanted.get("particles", math.inf) <= particles:
         del wanted["particles"]
-    return replace(used, **wanted)
+    return used if stuck and "particles" not in wanted else replace(used, **wanted)
 
 
 def _factor(over: float) -> float:
