@@ -115,12 +115,26 @@ def test_what_is_measured_near_a_lamp_is_as_even_as_elsewhere():
     assert scatter(solution, [0.43, 0.79, 0.6], [0.0, 0.0, 1.0]) < 0.008
 
 
-def test_what_is_measured_by_one_of_many_lamps_is_as_even_as_elsewhere():
+def room_of_lamps():
     across, corners = np.linspace(0.1, 0.85, 4), 0.03 * np.array([[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]])
     lamps = [shapes.quad(*(corners + [x, y, 0.98])) for x in across for y in across]
     emission = np.append(np.zeros(12), np.full(2 * len(lamps), 100.0))
-    solution = solved(fmm_core.Scene(np.concatenate([shapes.room(), *lamps]), 0.5, emission), probes=0)
-    assert scatter(solution, [0.0, 0.11, 0.93], [1.0, 0.0, 0.0]) < 0.01
+    return fmm_core.Scene(np.concatenate([shapes.room(), *lamps]), 0.5, emission)
+
+
+def test_what_is_measured_by_one_of_many_lamps_is_as_even_as_elsewhere():
+    assert scatter(solved(room_of_lamps(), probes=0), [0.0, 0.11, 0.93], [1.0, 0.0, 0.0]) < 0.01
+
+
+def test_what_few_places_near_probes_send_is_told_by_several_rays_each():
+    solution = solved(room_of_lamps(), particles=20_000, probes=0)
+    reference, nothing = Reference(solution.scene, solution._space.sums), np.zeros_like(solution.radiosity)
+    # In a corner that lamps light, among others that see little as near.
+    points, normals = shapes.random_points(shapes.room(), 10)
+    given = np.vstack([[0.99, 0.93, 1.0], points]), np.vstack([[0.0, 0.0, -1.0], normals])
+    given = *given, solution.radiosity, nothing, nothing, 128
+    light, lacking = np.transpose([reference.irradiance(*given, seed)[:, 0, 0] for seed in range(30)])
+    assert np.std(lacking) < 0.022 * np.mean(light)
 
 
 def test_rays_that_measure_are_counted_apart_and_can_be_left_out():

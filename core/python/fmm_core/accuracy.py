@@ -31,7 +31,7 @@ SHARE, FOR_RADIOSITY = 0.23, 0.4
 #: Least and most rays of each kind, from all particles together and from all probes, in one estimate.
 LEAST_RAYS, MOST_RAYS = 40_000, 320_000
 #: Rays that one of each kind are in the end from a particle, and from a probe, from where some go on.
-FOLLOWED, FOLLOWED_ON = 1.5, 3
+FOLLOWED, FOLLOWED_ON = 1.5, 3.4
 #: Rays of a probe that tell enough: where there are more, probes are more, and elsewhere fewer, down to so many.
 ENOUGH, FEWEST = 280, 300
 #: Standard deviation of the product of both estimates' noise over all probes, as a share of their squared difference.
@@ -180,7 +180,8 @@ def spread(points: Points, normals: Points, count: int, rng: np.random.Generator
     where neighbours follow each other, since their errors are alike.
     """
     order = _binding.tree_order(np.ascontiguousarray(points), np.ascontiguousarray(normals)).astype(np.int64)
-    return np.sort(order[((np.arange(count) + rng.random(count)) * (len(points) / count)).astype(np.int64)])
+    at = (np.arange(count) + rng.random(count)) * (len(points) / count)
+    return np.sort(order[np.minimum(at.astype(np.int64), len(points) - 1)])
 
 
 def propagated(exchange: Operator, albedo: Points, residual: Points, again: Points) -> Points:

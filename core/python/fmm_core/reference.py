@@ -23,6 +23,8 @@ RAYS_PER_BLOCK, SHARED = 24_576, 2
 #: Light varies over patches that are nearer than so many of their radii: a ray that meets one goes on from the very
 #: place, up to so many times.
 NEAR, PLACES = 2.0, 3
+#: So many rays go on from the first places for each that met any or none, but no more than so many from each place.
+ON, MOST_ON = 0.25, 8
 #: Emitters from which on all points choose alike, which takes less memory.
 MOST_CHOSEN = 4096
 
@@ -108,11 +110,15 @@ class Reference:
         """
         scene, particles = self._scene, self._particles
         more, rows, traced = np.zeros_like(passed), np.arange(len(passed)), 0
-        for _ in range(PLACES):
+        for place in range(PLACES):
             between = met.positions - starts
             hit = np.flatnonzero((met.particles >= 0) & (_dot(between, between) < self._near[met.particles]))
             if len(hit) == 0:
                 break
+            if place == 0:
+                # One ray tells little of what leaves a place, and few places can be asked by several.
+                each = min(MOST_ON, max(1, int(ON * len(rows)) // len(hit)))
+                hit, passed = np.repeat(hit, each), passed / each
             rows, passed, chosen = rows[hit], passed[hit], met.particles[hit]
             starts, normals = met.positions[hit], met.normals[hit]
             # Of two triangles at one place the one that the particle is on.
@@ -126,7 +132,8 @@ class Reference:
             samples = _Samples(directions, aimed[:, 0], aimed[:, 1:])
             received, met, there, rays = self._received(starts, normals, samples, both, choice, owners[rows])
             irradiance = received[:, :3] + received[:, 3:] + direct[chosen]
-            more[rows] += passed * (scene.emission[triangles] + scene.albedo[triangles] * irradiance - known)
+            lacking = scene.emission[triangles] + scene.albedo[triangles] * irradiance - known
+            np.add.at(more, rows, passed * lacking)
             passed = passed * scene.albedo[triangles] * there
             traced += rays
         return more, traced
