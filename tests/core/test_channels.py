@@ -38,8 +38,8 @@ def solve(albedo, emission, settings):
 
 @EACH
 def test_one_channel_gives_what_three_do(settings, monkeypatch):
-    # By as many rays in both, however long they took.
-    monkeypatch.setattr(accuracy, "_rays", lambda *_: 80_000)
+    # By as few rays in both as there are at least, however long they take.
+    monkeypatch.setattr(accuracy, "SHARE", 0.0)
     grey, irradiance = solve(ALBEDO, GREY, settings)
     not_quite = ALBEDO.copy()
     not_quite[-1, 2] += 1e-9

@@ -2,6 +2,7 @@
 """The measured error of a solve: a few random probes, each found once more by rays, and a range that it lies in."""
 
 import itertools
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,11 +28,15 @@ PROBE_RAYS, PARTICLE_RAYS = 1024, 320_000
 USUAL_TARGET, LEAST_EFFORT, MOST_EFFORT = 0.005, 0.22, 1.5
 #: What measuring aims to take elsewhere, as a share of the other seconds of a bake, and what of that finds what the
 #: radiosity lacks.
-SHARE, FOR_RADIOSITY = 0.23, 0.4
+SHARE, FOR_RADIOSITY = 0.22, 0.4
 #: Least and most rays of each kind, from all particles together and from all probes, in one estimate.
-LEAST_RAYS, MOST_RAYS = 40_000, 320_000
+LEAST_RAYS, MOST_RAYS = 32_000, 320_000
 #: Rays that one of each kind are in the end from a particle, and from a probe, from where some go on.
-FOLLOWED, FOLLOWED_ON = 1.5, 3.4
+FOLLOWED, FOLLOWED_ON = 1.5, 2.5
+#: Rays of the second estimate for each of the first, at most.
+UNLIKE = 2.0
+#: Samples that tell what the radiosity lacks at a place: where patches have fewer, neighbours are taken together.
+TOGETHER = 32
 #: Rays of a probe that tell enough: where there are more, probes are more, and elsewhere fewer, down to so many.
 ENOUGH, FEWEST = 280, 300
 #: Standard deviation of the product of both estimates' noise over all probes, as a share of their squared difference.
@@ -82,22 +87,25 @@ def measure(
     """
     rng = np.random.default_rng(0)
     began, most, target = clock(), min(settings.probes, len(found)), settings.target_error
-    judge, affordable = Judge(solved, clock), SHARE * seconds[0]
+    judge = Judge(solved, clock)
     if target is None:
-        affordable -= 2 * seconds[1]
+        ends = began + SHARE * seconds[0]
         judge.find_missing(LEAST_RAYS, tick)
-        more = _rays(FOR_RADIOSITY * affordable - (clock() - began), FOLLOWED * judge.ray_seconds)
-        if more > LEAST_RAYS:
+        kept = (1 - FOR_RADIOSITY) * SHARE * seconds[0] + 2 * seconds[1]
+        more = _rays(ends - kept - clock(), FOLLOWED * judge.ray_seconds)
+        if more > LEAST_RAYS // 2:
             judge.find_missing(more, tick)
-        rays = max(LEAST_RAYS, _rays(affordable - (clock() - began), FOLLOWED_ON * judge.ray_seconds))
+        missing = judge.missing()
+        rays = max(LEAST_RAYS, _rays(ends - clock(), FOLLOWED_ON * judge.ray_seconds))
         most = min(most, max(FEWEST, round(rays / ENOUGH)))
         rays = min(PROBE_RAYS, round(rays / most))
     else:
+        ends = None
         effort = float(np.clip((USUAL_TARGET / target) ** 0.5, LEAST_EFFORT, MOST_EFFORT))
         judge.find_missing(round(effort * PARTICLE_RAYS), tick)
-        rays = round(effort * PROBE_RAYS)
+        missing, rays = judge.missing(), round(effort * PROBE_RAYS)
     chosen = spread(points, normals, most, rng)
-    gathered, further = judge.light(points[chosen], normals[chosen], rays, tick)
+    gathered, further = judge.light(points[chosen], normals[chosen], missing, rays, tick, ends)
     whole = gathered + further
     errors = found[chosen] - whole
     scale = (whole[0] * whole[1]).sum(axis=1).mean()
@@ -153,23 +161,38 @@ class Judge:
         self._spent += self._clock() - began
         tick(0.3)
 
-    def _missing(self) -> Points:
+    def missing(self) -> Points:
         """(2, N, 3) what the radiosity lacks."""
         solved, albedo = self._solved, self._solved.space.sums.particles.of_triangles(self._solved.scene.albedo)
-        residuals = self._residuals + albedo * solved.direct
+        count = math.ceil(TOGETHER / self._samples)
+        residuals = [self._reference.evened(found + albedo * solved.direct, count) for found in self._residuals]
         if solved.exchange is None:
-            return residuals
+            return np.array(residuals)
         again = reflected_again(solved, albedo)
         return np.array([propagated(solved.exchange, albedo, residual, again) for residual in residuals])
 
-    def light(self, points: Points, normals: Points, rays: int, tick: Tick = silent) -> tuple[Points, Points]:
-        """Irradiance (2, M, 3) at points with normals (M, 3), and what it lacks, by so many rays of each kind each."""
+    def light(
+        self,
+        points: Points,
+        normals: Points,
+        missing: Points,
+        rays: int,
+        tick: Tick = silent,
+        ends: float | None = None,
+    ) -> tuple[Points, Points]:
+        """Irradiance (2, M, 3) at points with normals (M, 3), and what it lacks where the radiosity lacks so much
+        (2, N, 3), by so many rays of each kind each. Where it is to end at some time the second estimate has as many
+        as the first one left seconds for.
+        """
         solved, lamps = self._solved, self._solved.lamps(points, normals)
-        found = []
-        for half, missing in enumerate(self._missing()):
+        found, began = [], self._clock()
+        for half in (0, 1):
             tick(0.5 + 0.25 * half)
-            given = points, normals, solved.radiosity, missing, solved.direct
+            given = points, normals, solved.radiosity, missing[half], solved.direct
             found.append(self._reference.irradiance(*given, rays, next(self._seeds)))
+            if ends is not None:
+                now, least = self._clock(), math.ceil(LEAST_RAYS / len(points))
+                rays = round(np.clip(rays * (ends - now) / max(now - began, 1e-9), least, max(least, UNLIKE * rays)))
         tick(1.0)
         gathered, further = np.swapaxes(found, 0, 1)
         return gathered + lamps, further

@@ -14,6 +14,8 @@ GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
 #: The same of the sides of a cube.
 R3 = np.array([0.8191725133961645, 0.6710436067037893, 0.5497004779019703])
+#: The same of a cube of five dimensions.
+R5 = 1.1347241384015194 ** -np.arange(1.0, 6.0)
 #: The same of a square, beside what goes on by the golden ratio (Richtmyer's sequence).
 ROOTS = np.sqrt([2.0, 3.0]) % 1.0
 

@@ -11,7 +11,7 @@ from . import _binding
 from .emitters import Choice, Emitters
 from .medium import left
 from .particles import NO_PATCH, Particles
-from .patterns import R2, R3, ROOTS, around, disc
+from .patterns import R2, R3, R5, ROOTS, around, disc
 from .scene import Scene
 from .transport import Sums
 from .visibility import Met
@@ -43,6 +43,8 @@ class Reference:
         self._scene, self._particles = scene, sums.particles
         self._occlusion, self._surface = sums.apart(scene)
         self._places = _Places.of(scene, sums.particles)
+        centres, across = self._places.patches.mean(axis=1), np.ascontiguousarray(self._places.normals)
+        self._order = _binding.tree_order(centres, across).astype(np.int64)
         self._emitters, self._medium = Emitters(scene, sums.particles, by_place=True), sums.medium
         self._anywhere = self._emitters.anywhere() if len(self._emitters) else None
         self._near = self._particles.of_points((NEAR * self._particles.radii) ** 2)
@@ -76,7 +78,7 @@ class Reference:
             starts, across = (np.repeat(values[rows], rays, axis=0) for values in (points, normals))
             owners = np.repeat(np.arange(rows.stop - rows.start), rays)
             choice, choice_on = self._choices(points[rows], normals[rows])
-            samples = _samples(normals[rows], rays, rng)
+            samples = _samples(normals[rows], rays, rng.random((rows.stop - rows.start, 5)))
             received, met, passed, traced = self._received(starts, across, samples, both, choice, owners)
             more, rays_on = self._further(starts, met, passed, both, direct, rng, choice_on, owners)
             received[:, 3:] += more
@@ -145,10 +147,11 @@ class Reference:
         particles, scene = self._particles, self._scene
         of_patches = np.empty((len(particles.patches), 3))
 
-        def block(rows: slice) -> int:
-            rng = np.random.default_rng([seed, rows.start])
+        def block(part: slice) -> int:
+            rng, rows = np.random.default_rng([seed, part.start]), self._order[part]
             triangles, points, normals = self._places.random(rows, samples, rng)
-            given = _samples(normals[::samples], samples, rng)
+            # Neighbours ask in other directions, and tell more together.
+            given = _samples(normals[::samples], samples, _sequence(len(rows), rng.random(5), R5))
             received, _, _, traced = self._received(
                 points, normals, given, radiosity, self._anywhere, np.arange(len(points))
             )
@@ -161,6 +164,15 @@ class Reference:
         shares = shares / shares.sum(axis=1, keepdims=True)
         of_patches -= (shares[:, :, None] * radiosity.reshape(-1, particles.per_patch, 3)).sum(axis=1)
         return np.repeat(of_patches, particles.per_patch, axis=0)
+
+    def evened(self, values: Points, count: int) -> Points:
+        """Means (N, 3), by area, of values (N, 3) of the particles over so many neighbouring patches at a time."""
+        particles, number = self._particles, np.empty(len(self._order), np.int64)
+        number[self._order] = np.arange(len(number)) // count
+        number = particles.of_points(number)
+        areas = np.maximum(np.bincount(number, particles.weights), np.finfo(float).tiny)
+        weighed = (particles.weights[:, None] * values).T
+        return np.stack([np.bincount(number, row) / areas for row in weighed], axis=1)[number]
 
     def _received(
         self,
@@ -253,8 +265,10 @@ class _Places:
             areas=areas,
         )
 
-    def random(self, rows: slice, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Points, Points]:
-        """Triangle (K,), place and unit normal (K, 3) of so many random places for each patch of a slice."""
+    def random(
+        self, rows: NDArray[np.int64], count: int, rng: np.random.Generator
+    ) -> tuple[NDArray[np.int64], Points, Points]:
+        """Triangle (K,), place and unit normal (K, 3) of so many random places for each of some patches."""
         triangles, corners, normals, starts, areas = (
             np.repeat(values[rows], count, axis=0)
             for values in (self.triangles, self.patches, self.normals, self.starts, self.areas)
@@ -313,9 +327,10 @@ class _Samples:
     ends: Points
 
 
-def _samples(normals: Points, count: int, rng: np.random.Generator) -> _Samples:
-    """As many for each of unit normals (M, 3), along Vogel's spiral, and in order of what they aim at."""
-    turns = rng.random((len(normals), 5))
+def _samples(normals: Points, count: int, turns: Points) -> _Samples:
+    """As many for each of unit normals (M, 3), along Vogel's spiral, and in order of what they aim at, shifted by turns
+    (M, 5) in [0, 1).
+    """
     squares, angles = np.moveaxis(disc(count, turns[:, :2]), 2, 0)
     at = (np.arange(count) + turns[:, 2:3]) / count
     ends = _sequence(count, turns[:, None, 3:], R2)

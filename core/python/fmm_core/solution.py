@@ -205,7 +205,7 @@ class Solution:
         with memory_errors():
             judge = Judge(self._solved(rays))
             judge.find_missing(samples, tick)
-            gathered, further = judge.light(points, normals, rays, tick)
+            gathered, further = judge.light(points, normals, judge.missing(), rays, tick)
         return gathered + further
 
     def _measured(self, irradiance: NDArray[np.float64], points: Points, normals: Points, tick: Tick) -> dict[str, Any]:
