@@ -105,3 +105,12 @@ def test_measured_and_true_error_are_compared(tmp_path):
     assert row["judged"] == 4000
     assert 0 < row["low"] <= row["measured_rms"] <= row["high"]
     assert row["ratio"] == pytest.approx(row["measured_rms"] / row["true"])
+
+
+def test_bakes_to_a_target_are_compared_with_it(tmp_path):
+    table = tmp_path / "table.json"
+    done = run("target_error", "--targets", "0.05", "--json", table)
+    assert done.returncode == 0, done.stderr
+    (row,) = json.loads(table.read_text())
+    assert 0 < row["true"] == pytest.approx(0.05 * row["over"])
+    assert row["measured_rms"] < 0.05
