@@ -26,6 +26,12 @@ _SERIES: dict[str, tuple[str, str, Callable[[Bake], str]]] = {
     "Cycles": ("#E69F00", "Cycles, more samples", lambda bake: f"{bake.samples}"),
 }
 _INK, _PALE, _GRID = "#202020", "#707070", "#E0E0E0"
+#: Where labels may be from a point: how far, in which direction, and which end of them is there. The nearest is best.
+_BESIDE = [
+    (far, dx, dy, "lm" if dx > 0 else "rm")
+    for far in (14, 32, 50, 68)
+    for dx, dy in ((0.7, -1), (0.7, 1.1), (-0.7, -1), (-0.7, 1.1), (1.2, 0), (-1.2, 0))
+]
 #: Free room around the points, as a factor.
 _MARGIN = 1.5
 
@@ -53,15 +59,22 @@ class _Paper:
 
     def label(self, at: tuple[float, float], text: str, colour: str) -> None:
         """A small text beside a point, where no other label is in its way."""
-        for dx, dy, anchor in ((10, -14, "lm"), (10, 16, "lm"), (-10, -14, "rm"), (-10, 16, "rm")):
-            place = SCALE * (at[0] + dx), SCALE * (at[1] + dy)
+        for far, dx, dy, anchor in _BESIDE:
+            place = SCALE * (at[0] + far * dx), SCALE * (at[1] + far * dy)
             box = self._draw.textbbox(place, text, font=self._fonts[20], anchor=anchor)
             if not any(a < right and left < c and b < bottom and top < d for a, b, c, d in self._taken
                        for left, top, right, bottom in [box]):  # fmt: skip
                 self._taken.append(box)
+                if far > _BESIDE[0][0]:
+                    self.line([at, (place[0] / SCALE, place[1] / SCALE)], colour)
                 halo = {"stroke_width": 3 * SCALE, "stroke_fill": "white"}
                 self._draw.text(place, text, fill=colour, font=self._fonts[20], anchor=anchor, **halo)
                 return
+
+    def keep_free(self, at: tuple[float, float], radius: float) -> None:
+        """No label goes there."""
+        (x, y), radius = (SCALE * at[0], SCALE * at[1]), SCALE * radius
+        self._taken.append((x - radius, y - radius, x + radius, y + radius))
 
     def upright(self, at: tuple[float, float], text: str) -> None:
         """Text from bottom to top, centred."""
@@ -118,15 +131,18 @@ def draw(study: Study, title: str) -> Image.Image:
         paper.line(places, colour, 3.0)
         for place in places:
             paper.disc(place, 6, colour, "white", 1.0)
+            paper.keep_free(place, 4)
         labels += [(place, value(bake), colour) for place, bake in zip(places, bakes, strict=True)]
         y = _PLOT[1] + 30 + 38 * row
         paper.line([(1262, y), (1302, y)], colour, 3.0)
         paper.disc((1282, y), 6, colour, "white", 1.0)
         paper.text((1314, y), label)
+    best = axes.at(study.best.seconds, study.best.error)
+    paper.keep_free(best, 14)
     for place, text, colour in labels:
         paper.label(place, text, colour)
     y = _PLOT[1] + 30 + 38 * len(shown)
-    paper.disc(axes.at(study.best.seconds, study.best.error), 14, None, _INK, 3.0)
+    paper.disc(best, 14, None, _INK, 3.0)
     paper.disc((1282, y), 12, None, _INK, 3.0)
     paper.text((1314, y), "recommended")
     return paper.image.resize(SIZE, Image.Resampling.LANCZOS)
