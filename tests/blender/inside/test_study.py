@@ -2,10 +2,16 @@
 """The study as an operator and as a command."""
 
 import csv
+import importlib
 
 import bpy
 import pytest
 from fmm_core import study as studies
+
+
+@pytest.fixture
+def chart(fmm):
+    return importlib.import_module(fmm.command_line.__name__.replace("command_line", "chart"))
 
 
 @pytest.fixture
@@ -47,6 +53,20 @@ def test_command_writes_table_and_picture(room, command, fmm, tmp_path, capfd):
     assert (out / "study.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in out.iterdir()) == ["study.csv", "study.png"]
     assert blend.read_bytes() == saved
+
+
+def test_a_crowd_of_points_has_a_label_each(chart):
+    paper = chart._Paper()
+    places = [(500 + 9 * number, 500 + 5 * (number % 2)) for number in range(12)]
+    for place in places:
+        paper.keep_free(place, 4)
+    for number, place in enumerate(places):
+        paper.label(place, f"p {number}", "#000000")
+    taken = paper._taken
+    assert len(taken) == 2 * len(places)
+    for label in taken[len(places) :]:
+        others = [other for other in taken if other is not label]
+        assert not any(a < label[2] and label[0] < c and b < label[3] and label[1] < d for a, b, c, d in others)
 
 
 def test_command_leaves_nothing_where_it_cannot_write(room, command, tmp_path):
