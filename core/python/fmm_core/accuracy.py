@@ -28,9 +28,9 @@ PROBE_RAYS, PARTICLE_RAYS = 1024, 320_000
 USUAL_TARGET, LEAST_EFFORT, MOST_EFFORT = 0.005, 0.22, 1.5
 #: What measuring aims to take elsewhere, as a share of the other seconds of a bake, and what of that finds what the
 #: radiosity lacks.
-SHARE, FOR_RADIOSITY = 0.22, 0.4
-#: Least and most rays of each kind, from all particles together and from all probes, in one estimate.
-LEAST_RAYS, MOST_RAYS = 32_000, 320_000
+SHARE, FOR_RADIOSITY = 0.23, 0.4
+#: Least rays of each kind from all particles together and from all probes, and most of either, in one estimate.
+LEAST_SAMPLES, LEAST_RAYS, MOST_RAYS = 24_000, 40_000, 320_000
 #: Rays that one of each kind are in the end from a particle, and from a probe, from where some go on.
 FOLLOWED, FOLLOWED_ON = 1.5, 2.5
 #: Rays of the second estimate for each of the first, at most.
@@ -90,10 +90,10 @@ def measure(
     judge = Judge(solved, clock)
     if target is None:
         ends = began + SHARE * seconds[0]
-        judge.find_missing(LEAST_RAYS, tick)
+        judge.find_missing(LEAST_SAMPLES, tick)
         kept = (1 - FOR_RADIOSITY) * SHARE * seconds[0] + 2 * seconds[1]
         more = _rays(ends - kept - clock(), FOLLOWED * judge.ray_seconds)
-        if more > LEAST_RAYS // 2:
+        if more > LEAST_SAMPLES // 2:
             judge.find_missing(more, tick)
         missing = judge.missing()
         rays = max(LEAST_RAYS, _rays(ends - clock(), FOLLOWED_ON * judge.ray_seconds))
@@ -191,8 +191,9 @@ class Judge:
             given = points, normals, solved.radiosity, missing[half], solved.direct
             found.append(self._reference.irradiance(*given, rays, next(self._seeds)))
             if ends is not None:
-                now, least = self._clock(), math.ceil(LEAST_RAYS / len(points))
-                rays = round(np.clip(rays * (ends - now) / max(now - began, 1e-9), least, max(least, UNLIKE * rays)))
+                now = self._clock()
+                afforded = rays * (ends - now) / max(now - began, 1e-9)
+                rays = round(np.clip(afforded, LEAST_RAYS / len(points), UNLIKE * rays))
         tick(1.0)
         gathered, further = np.swapaxes(found, 0, 1)
         return gathered + lamps, further

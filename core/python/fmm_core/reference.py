@@ -24,7 +24,7 @@ RAYS_PER_BLOCK, SHARED = 24_576, 2
 #: place, up to so many times.
 NEAR, PLACES = 2.0, 3
 #: So many rays go on from the first places for each that met any or none, but no more than so many from each place.
-ON, MOST_ON = 0.25, 8
+ON, MOST_ON = 0.5, 8
 #: Emitters from which on all points choose alike, which takes less memory.
 MOST_CHOSEN = 4096
 
