@@ -28,7 +28,7 @@ PROBE_RAYS, PARTICLE_RAYS = 1024, 320_000
 USUAL_TARGET, LEAST_EFFORT, MOST_EFFORT = 0.005, 0.22, 1.5
 #: What measuring aims to take elsewhere, as a share of the other seconds of a bake, and what of that finds what the
 #: radiosity lacks.
-SHARE, FOR_RADIOSITY = 0.23, 0.4
+SHARE, FOR_RADIOSITY = 0.22, 0.4
 #: Least rays of each kind from all particles together and from all probes, and most of either, in one estimate.
 LEAST_SAMPLES, LEAST_RAYS, MOST_RAYS = 24_000, 40_000, 320_000
 #: Rays that one of each kind are in the end from a particle, and from a probe, from where some go on.
