@@ -50,7 +50,7 @@ GOOD = 0.01
 #: Settings of ours that come close to it.
 COARSER = {
     "cornell": {"rays": 50, "truncation": 3},
-    "clutter": {"rays": 62, "truncation": 2, "grouping": 600, "tolerance": 1e-2},
+    "clutter": {"rays": 50, "truncation": 2, "grouping": 600, "tolerance": 1e-2},
 }
 
 

@@ -5,11 +5,15 @@
 use crate::directions::tangents;
 use crate::vector::{dot, norm, sub};
 
-/// Neighbours are at most this share of the distance to what the rays meet away, and look at most so many radians another
+/// With so many rays over a hemisphere neighbours are at most this share of the distance to what the rays meet away, and look at most so many radians another
 /// way: the two terms by which irradiance changes (Ward, Rubinstein and Clear, "A ray tracing solution for diffuse
 /// interreflection", SIGGRAPH 1988, eq 3).
 const REACH: f64 = 0.6;
 const BEND: f64 = 0.3;
+const RAYS: f64 = 300.0;
+/// Both grow by this power of fewer rays: the square of what a plane over a radius r misses grows as r^4, noise over it falls
+/// as one over rays and r^2.
+const FEWER: f64 = 1.0 / 6.0;
 /// How far neighbours are above or below a point's plane, as a share of how far they may be away.
 const STEP: f64 = 0.25;
 /// A plane has to rest on this share of what the weights would give it if they were spread out evenly.
@@ -41,11 +45,12 @@ pub struct Blend {
 }
 
 impl Blend {
-    /// For points with unit normals and the harmonic mean of the distances that their rays went.
-    pub fn new(positions: &[[f64; 3]], normals: &[[f64; 3]], distances: &[f64]) -> Self {
+    /// For points with unit normals and the harmonic mean of the distances that their rays went, so many from each.
+    pub fn new(positions: &[[f64; 3]], normals: &[[f64; 3]], distances: &[f64], rays: usize) -> Self {
+        let more = (RAYS / rays as f64).powf(FEWER);
         let place = |((&x, &n), distance): ((&_, &_), f64)| {
             let (s, t) = tangents(n);
-            Place { x, n, axes: [s, t], reach: REACH * distance }
+            Place { x, n, axes: [s, t], reach: more * REACH * distance, bend: more * BEND }
         };
         let distances = clamped(positions, distances);
         let places: Vec<Place> = positions.iter().zip(normals).zip(distances).map(place).collect();
@@ -118,13 +123,15 @@ struct Place {
     /// Along the surface.
     axes: [[f64; 3]; 2],
     reach: f64,
+    /// How many radians they may look another way.
+    bend: f64,
 }
 
 impl Place {
     fn neighbour(self, other: Self) -> Option<Neighbour> {
         let (d, reach) = (sub(other.x, self.x), self.reach.min(other.reach));
         let height = dot(d, self.n) / STEP;
-        let bend = (2.0 - 2.0 * dot(self.n, other.n)).max(0.0) / (BEND * BEND);
+        let bend = (2.0 - 2.0 * dot(self.n, other.n)).max(0.0) / (self.bend * self.bend);
         let weight = 1.0 - bend - (dot(d, d) + height * height) / (reach * reach).max(f64::MIN_POSITIVE);
         (weight > 0.0).then(|| Neighbour { weight: weight * weight, at: self.axes.map(|axis| dot(d, axis)) })
     }
@@ -173,7 +180,7 @@ mod tests {
         fn planes_stay_as_they_are(a in -1.0..1.0f64, b in -1.0..1.0f64, c in -1.0..1.0f64, distance in 0.01..10.0f64) {
             let points = floor(8);
             let own: Vec<f64> = points.iter().map(|x| a + b * x[0] + c * x[1]).collect();
-            let blend = Blend::new(&points, &vec![UP; 64], &[distance; 64]);
+            let blend = Blend::new(&points, &vec![UP; 64], &[distance; 64], 300);
             for (found, own) in blended(&blend, &own).into_iter().zip(own) {
                 prop_assert!((found - own).abs() < 1e-5);
             }
@@ -182,7 +189,7 @@ mod tests {
         #[test]
         fn noise_never_grows(distance in 0.01..10.0f64, n in 1usize..9) {
             let points = floor(n);
-            let blend = Blend::new(&points, &vec![UP; n * n], &vec![distance; n * n]);
+            let blend = Blend::new(&points, &vec![UP; n * n], &vec![distance; n * n], 300);
             for shares in blend.shares() {
                 prop_assert!(shares.map(|(_, share)| share * share).sum::<f64>() <= 1.0);
             }
@@ -193,7 +200,7 @@ mod tests {
     fn the_transposed_blend_has_the_same_sum() {
         let (points, own) = (floor(8), (0..64).map(f64::from).collect::<Vec<_>>());
         let weights: Vec<[f64; 1]> = (0..64).map(|i| [f64::from(i * i % 7)]).collect();
-        let blend = Blend::new(&points, &[UP; 64], &[1.0; 64]);
+        let blend = Blend::new(&points, &[UP; 64], &[1.0; 64], 300);
         let sum: f64 = blended(&blend, &own).iter().zip(&weights).map(|(v, [w])| v * w).sum();
         let other: f64 = blend.transposed(&weights).iter().zip(&own).map(|(v, w)| v * w).sum();
         assert!((sum - other).abs() < 1e-9 * sum.abs());
@@ -201,7 +208,7 @@ mod tests {
 
     #[test]
     fn noise_falls_where_what_is_met_is_far() {
-        let blend = Blend::new(&floor(8), &[UP; 64], &[2.0; 64]);
+        let blend = Blend::new(&floor(8), &[UP; 64], &[2.0; 64], 300);
         let squares = blend.shares().nth(27).map(|shares| shares.map(|(_, share)| share * share).sum::<f64>());
         assert!(squares.is_some_and(|squares| squares < 0.1));
     }
@@ -210,7 +217,7 @@ mod tests {
     fn what_is_far_or_turned_or_above_or_near_something_is_no_neighbour() {
         let at = |y: [f64; 3], m: [f64; 3], distance: f64| {
             let around = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [-0.01, 0.0, 0.0], [0.0, -0.01, 0.0], [0.0; 3], y];
-            let blend = Blend::new(&around, &[UP, UP, UP, UP, UP, m], &[1.0, 1.0, 1.0, 1.0, 1.0, distance]);
+            let blend = Blend::new(&around, &[UP, UP, UP, UP, UP, m], &[1.0, 1.0, 1.0, 1.0, 1.0, distance], 300);
             blend.shares().nth(4).is_some_and(|mut shares| shares.any(|(j, _)| j == 5))
         };
         assert!(at([0.1, 0.0, 0.0], UP, 1.0));
@@ -226,7 +233,7 @@ mod tests {
 
     #[test]
     fn points_at_one_place_and_points_without_rays_do_no_harm() {
-        let blend = Blend::new(&[[0.0; 3]; 5], &[UP; 5], &[0.0; 5]);
+        let blend = Blend::new(&[[0.0; 3]; 5], &[UP; 5], &[0.0; 5], 300);
         assert_eq!(blended(&blend, &[1.0, 2.0, 3.0, 4.0, 5.0]), [1.0, 2.0, 3.0, 4.0, 5.0]);
     }
 }

@@ -180,7 +180,9 @@ impl Gather {
             }
             hits.blend = match open.parted {
                 true => Blend::none(points.len()),
-                false => Blend::new(&targets.positions[points.clone()], &targets.normals[points], &reaches),
+                false => {
+                    Blend::new(&targets.positions[points.clone()], &targets.normals[points], &reaches, self.density)
+                }
             };
             // A leaf that was traced before keeps its answers.
             let _ = open.hits.set(hits);

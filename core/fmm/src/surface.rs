@@ -3,8 +3,8 @@
 
 use crate::coincident::is_same;
 use crate::error::{Error, same_length};
-use crate::meshes::{TriangleTree, triangle_tree};
-use crate::vector::{cross, dot, norm, scale, sub};
+use crate::meshes::{PARALLEL, TriangleTree, triangle_tree};
+use crate::vector::{cross, dot, high, low, norm, scale, sub};
 use rstar::AABB;
 use std::sync::OnceLock;
 
@@ -24,6 +24,8 @@ pub struct Surface {
     normals: Vec<[f64; 3]>,
     /// Finds triangles, made when it is first needed.
     tree: OnceLock<TriangleTree>,
+    /// (T,) whether nothing in its place faces those who see its back, found when it is first needed.
+    alone: Vec<OnceLock<bool>>,
     /// Surfaces no farther apart are in one place: which of them a ray meets is chance.
     slack: f64,
     /// (K,) edge at which a node is cut, from that corner to the next; -1 for a leaf. The first T nodes are the triangles.
@@ -73,6 +75,7 @@ impl Surface {
             triangles: triangles.to_vec(),
             normals,
             tree: OnceLock::new(),
+            alone: vec![OnceLock::new(); triangles.len()],
             slack,
             edges,
             fractions,
@@ -91,19 +94,33 @@ impl Surface {
         let met = self.source(triangle, place, front);
         match met {
             Some(source) if !self.hidden[source as usize] => met,
-            None if front => None,
+            None if front || self.is_alone(triangle as usize) => None,
             _ => self.in_front(triangle, place, front).or(met),
         }
     }
 
+    /// Whether nothing in the place of a triangle faces those who see its back.
+    fn is_alone(&self, triangle: usize) -> bool {
+        *self.alone[triangle].get_or_init(|| {
+            let ([a, b, c], n) = (self.triangles[triangle], self.normals[triangle]);
+            let slack = self.slack_of(triangle);
+            let around =
+                AABB::from_corners(low(low(a, b), c).map(|x| x - slack), high(high(a, b), c).map(|x| x + slack));
+            let faces = |i: usize| {
+                let parallel = norm(cross(n, self.normals[i])) <= PARALLEL * norm(n) * norm(self.normals[i]);
+                parallel && (dot(n, self.normals[i]) <= 0.0 || self.is_two_sided(i))
+            };
+            let mut near = self.tree().locate_in_envelope_intersecting(&around);
+            !near.any(|found| found.data != triangle && faces(found.data))
+        })
+    }
+
     /// The source that faces a ray in the same place as a side of a triangle that has none, or a hidden one.
     fn in_front(&self, triangle: u32, place: (f64, f64), front: bool) -> Option<u32> {
-        let [a, b, c] = self.triangles[triangle as usize];
         let (x, n) = (self.point(triangle as usize, place), self.normals[triangle as usize]);
         let towards = scale(n, if front { 1.0 } else { -1.0 } / norm(n));
-        let slack = self.slack + ROUNDED * norm(sub(b, a)).max(norm(sub(c, a)));
+        let slack = self.slack_of(triangle as usize);
         let around = AABB::from_corners(x.map(|c| c - slack), x.map(|c| c + slack));
-        let tree = self.tree.get_or_init(|| triangle_tree(&self.triangles));
         let source = |i: usize| {
             let (corners, n) = (&self.triangles[i], self.normals[i]);
             let [a, b, c] = *corners;
@@ -113,7 +130,25 @@ impl Surface {
             let found = if here { self.source(i as u32, (u, v), dot(n, towards) > 0.0) } else { None };
             found.filter(|&source| !self.hidden[source as usize])
         };
-        tree.locate_in_envelope_intersecting(&around).find_map(|found| source(found.data))
+        self.tree().locate_in_envelope_intersecting(&around).find_map(|found| source(found.data))
+    }
+
+    fn tree(&self) -> &TriangleTree {
+        self.tree.get_or_init(|| triangle_tree(&self.triangles))
+    }
+
+    /// What is no farther from where a ray meets a triangle is in one place with it, by all that is known of that.
+    fn slack_of(&self, triangle: usize) -> f64 {
+        let [a, b, c] = self.triangles[triangle];
+        self.slack + ROUNDED * norm(sub(b, a)).max(norm(sub(c, a)))
+    }
+
+    fn is_two_sided(&self, triangle: usize) -> bool {
+        let mut node = triangle;
+        while self.edges[node] >= 0 {
+            node = self.parts[node][0] as usize;
+        }
+        self.parts[node][1] != NO_PATCH
     }
 
     fn point(&self, triangle: usize, (u, v): (f64, f64)) -> [f64; 3] {
@@ -245,6 +280,46 @@ mod tests {
         assert_eq!(surface.source(0, (0.1, 0.1), true), Some(0));
         assert_eq!(surface.source(0, (0.8, 0.1), true), Some(1));
         assert_eq!(surface.source(0, (0.8, 0.1), false), Some(5));
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_is_in_the_place_of_what_is_alone(
+            corners in proptest::collection::vec(prop::array::uniform3(prop::array::uniform3(0..3u8)), 2..8),
+            sides in prop::array::uniform8(any::<bool>()), lift in 0.0..2e-6f64, u in 0.0..1.0f64, v in 0.0..1.0f64,
+        ) {
+            // On a small lattice many are in one plane, and some in one place but for a lift.
+            let triangles: Vec<_> = corners
+                .iter()
+                .zip(0..)
+                .map(|(t, i)| t.map(|p| [p[0].into(), p[1].into(), f64::from(p[2] / 2) + lift * f64::from(i)]))
+                .collect();
+            let count = triangles.len() as u32;
+            let parts: Vec<_> = (0..count).zip(sides).map(|(i, two)| [i, if two { count + i } else { NO_PATCH }]).collect();
+            let (edges, fractions, hidden) = (vec![-1; parts.len()], vec![0.5; parts.len()], vec![false; 2 * parts.len()]);
+            let surface = Surface::new(&triangles, &edges, &fractions, &parts, &[[1. / 3.; 3]], &hidden, 1e-6).unwrap();
+            let place = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+            for i in (0..count).filter(|&i| !sides[i as usize] && norm(surface.normals[i as usize]) > 0.0) {
+                if surface.is_alone(i as usize) {
+                    prop_assert_eq!(surface.in_front(i, place, false), None);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_triangle_of_a_closed_mesh_is_alone_unless_another_looks_at_its_back() {
+        let [a, b, c] = CORNERS;
+        let faces = [[a, c, b], [a, b, [0., 0., 1.]], [b, c, [0., 0., 1.]], [c, a, [0., 0., 1.]]];
+        let alone = |triangles: &[[[f64; 3]; 3]]| {
+            let n = triangles.len();
+            let parts: Vec<_> = (0..n as u32).map(|i| [i, NO_PATCH]).collect();
+            let (edges, fractions, hidden) = (vec![-1; n], vec![0.5; n], vec![false; n]);
+            let surface = Surface::new(triangles, &edges, &fractions, &parts, &[[1. / 3.; 3]], &hidden, 1e-6).unwrap();
+            (0..n).map(|i| surface.is_alone(i)).collect::<Vec<_>>()
+        };
+        assert_eq!(alone(&faces), [true; 4]);
+        assert_eq!(alone(&[&faces[..], &[[a, b, c]]].concat()), [false, true, true, true, false]);
     }
 
     #[test]
