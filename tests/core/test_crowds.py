@@ -5,6 +5,7 @@ import fmm_core
 import numpy as np
 import pytest
 import shapes
+from fmm_core import multipole
 from fmm_core.particles import make_particles
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -37,6 +38,13 @@ def full_room():
 def bake(scene, points, **options):
     solution = fmm_core.solve(scene, fmm_core.Settings(method="fmm", particles=8000, probes=0, **options))
     return solution.irradiance(*points), solution.report["counts"]["rays"] / (len(solution.particles) + len(points[0]))
+
+
+def test_of_few_rays_more_are_for_emitters():
+    # The share of the light that one aimed ray stands for, and rays over the hemisphere.
+    usual, few, many = (np.array(multipole._effort(rays))[[0, 4]] for rays in (200, 50, 800))
+    assert usual / many == pytest.approx([4, 1 / 4])
+    assert few / usual == pytest.approx([4**0.75, 1 / 4])
 
 
 def test_a_crowded_room_is_gathered_within_one_and_a_half_percent(full_room):

@@ -5,15 +5,15 @@
 use crate::directions::tangents;
 use crate::vector::{dot, norm, sub};
 
-/// With so many rays over a hemisphere neighbours are at most this share of the distance to what the rays meet away, and look at most so many radians another
+/// Neighbours are at most this share of the distance to what the rays meet away, and look at most so many radians another
 /// way: the two terms by which irradiance changes (Ward, Rubinstein and Clear, "A ray tracing solution for diffuse
 /// interreflection", SIGGRAPH 1988, eq 3).
 const REACH: f64 = 0.6;
 const BEND: f64 = 0.3;
+/// That is for so many rays over an open hemisphere, those of usual settings. Both are larger for fewer and smaller for more,
+/// by this power: the square of what a plane over a radius r misses grows as r^4, that of noise falls as one over rays and r^2.
 const RAYS: f64 = 300.0;
-/// Both grow by this power of fewer rays: the square of what a plane over a radius r misses grows as r^4, noise over it falls
-/// as one over rays and r^2.
-const FEWER: f64 = 1.0 / 6.0;
+const POWER: f64 = 1.0 / 6.0;
 /// How far neighbours are above or below a point's plane, as a share of how far they may be away.
 const STEP: f64 = 0.25;
 /// A plane has to rest on this share of what the weights would give it if they were spread out evenly.
@@ -45,12 +45,13 @@ pub struct Blend {
 }
 
 impl Blend {
-    /// For points with unit normals and the harmonic mean of the distances that their rays went, so many from each.
+    /// For points with unit normals and the harmonic mean of the distances that their rays went, so many over an open
+    /// hemisphere.
     pub fn new(positions: &[[f64; 3]], normals: &[[f64; 3]], distances: &[f64], rays: usize) -> Self {
-        let more = (RAYS / rays as f64).powf(FEWER);
+        let wider = (RAYS / rays as f64).powf(POWER);
         let place = |((&x, &n), distance): ((&_, &_), f64)| {
             let (s, t) = tangents(n);
-            Place { x, n, axes: [s, t], reach: more * REACH * distance, bend: more * BEND }
+            Place { x, n, axes: [s, t], reach: wider * REACH * distance, bend: wider * BEND }
         };
         let distances = clamped(positions, distances);
         let places: Vec<Place> = positions.iter().zip(normals).zip(distances).map(place).collect();
@@ -177,19 +178,19 @@ mod tests {
 
     proptest! {
         #[test]
-        fn planes_stay_as_they_are(a in -1.0..1.0f64, b in -1.0..1.0f64, c in -1.0..1.0f64, distance in 0.01..10.0f64) {
+        fn planes_stay_as_they_are(a in -1.0..1.0f64, b in -1.0..1.0f64, c in -1.0..1.0f64, distance in 0.01..10.0f64, rays in 1usize..5000) {
             let points = floor(8);
             let own: Vec<f64> = points.iter().map(|x| a + b * x[0] + c * x[1]).collect();
-            let blend = Blend::new(&points, &vec![UP; 64], &[distance; 64], 300);
+            let blend = Blend::new(&points, &vec![UP; 64], &[distance; 64], rays);
             for (found, own) in blended(&blend, &own).into_iter().zip(own) {
                 prop_assert!((found - own).abs() < 1e-5);
             }
         }
 
         #[test]
-        fn noise_never_grows(distance in 0.01..10.0f64, n in 1usize..9) {
+        fn noise_never_grows(distance in 0.01..10.0f64, n in 1usize..9, rays in 1usize..5000) {
             let points = floor(n);
-            let blend = Blend::new(&points, &vec![UP; n * n], &vec![distance; n * n], 300);
+            let blend = Blend::new(&points, &vec![UP; n * n], &vec![distance; n * n], rays);
             for shares in blend.shares() {
                 prop_assert!(shares.map(|(_, share)| share * share).sum::<f64>() <= 1.0);
             }
@@ -211,6 +212,19 @@ mod tests {
         let blend = Blend::new(&floor(8), &[UP; 64], &[2.0; 64], 300);
         let squares = blend.shares().nth(27).map(|shares| shares.map(|(_, share)| share * share).sum::<f64>());
         assert!(squares.is_some_and(|squares| squares < 0.1));
+    }
+
+    #[test]
+    fn neighbours_are_farther_away_for_fewer_rays() {
+        let points: Vec<_> = (0..1681).map(|i| [f64::from(i / 41) / 20.0, f64::from(i % 41) / 20.0, 0.0]).collect();
+        let reach = |rays: usize| {
+            let blend = Blend::new(&points, &[UP; 1681], &[1.0; 1681], rays);
+            let rows: Vec<usize> = blend.shares().nth(840).into_iter().flatten().map(|(j, _)| j).collect();
+            rows.into_iter().map(|j| norm(sub(points[j], points[840]))).fold(0.0, f64::max)
+        };
+        for (rays, expected) in [(300, 0.6), (75, 0.756), (4800, 0.378)] {
+            assert!((expected - 0.02..expected).contains(&reach(rays)), "{rays}: {}", reach(rays));
+        }
     }
 
     #[test]

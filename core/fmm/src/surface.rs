@@ -143,6 +143,7 @@ impl Surface {
         self.slack + ROUNDED * norm(sub(b, a)).max(norm(sub(c, a)))
     }
 
+    /// Whether a triangle has patches at its back: its parts have, or none.
     fn is_two_sided(&self, triangle: usize) -> bool {
         let mut node = triangle;
         while self.edges[node] >= 0 {

@@ -24,8 +24,8 @@ EXCHANGE_SHARE, MANY = 4, 20_000
 #: For each ray of the settings a point has so many for emitters that shine all over its hemisphere, of which it mostly
 #: needs a quarter, and so many over its hemisphere, which it shares with its neighbours.
 AIMED, HEMISPHERE = 1.5, 1.5
-#: Of fewer rays than usual more are for emitters, by this power: shadows of lamps are most of what is seen of errors.
-FEWER = 0.25
+#: Of fewer rays than usual more are for emitters, by this power: shadows of lamps are most of the error then.
+TO_EMITTERS = 0.25
 #: Up to so many particles sources are balanced one by one: of more, what single ones send too much or too little
 #: averages out, and their few rays tell it less well than it is without.
 SINGLE = 30_000
@@ -161,7 +161,7 @@ def particle_rays(settings: Settings, count: int) -> float:
 
 def _effort(rays: float) -> tuple[float, float, float, float, int]:
     """Effort for visibility, as `VisibilityOptions` of the core has it."""
-    aimed = AIMED * rays * max(1.0, RAYS / rays) ** FEWER
+    aimed = AIMED * rays * max(1.0, RAYS / rays) ** TO_EMITTERS
     runs = min(1.0, (200 / aimed) ** 0.5)
     return 0.8 / aimed, 0.4, 0.8 * runs, 0.1 * runs, round(HEMISPHERE * rays)
 
