@@ -178,7 +178,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn planes_stay_as_they_are(a in -1.0..1.0f64, b in -1.0..1.0f64, c in -1.0..1.0f64, distance in 0.01..10.0f64, rays in 1usize..5000) {
+        fn planes_stay_as_they_are(
+            a in -1.0..1.0f64, b in -1.0..1.0f64, c in -1.0..1.0f64, distance in 0.01..10.0f64, rays in 1usize..5000,
+        ) {
             let points = floor(8);
             let own: Vec<f64> = points.iter().map(|x| a + b * x[0] + c * x[1]).collect();
             let blend = Blend::new(&points, &vec![UP; 64], &[distance; 64], rays);
