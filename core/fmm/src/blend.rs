@@ -10,8 +10,9 @@ use crate::vector::{dot, norm, sub};
 /// interreflection", SIGGRAPH 1988, eq 3).
 const REACH: f64 = 0.6;
 const BEND: f64 = 0.3;
-/// That is for so many rays over an open hemisphere, those of usual settings. Both are larger for fewer and smaller for more,
-/// by this power: the square of what a plane over a radius r misses grows as r^4, that of noise falls as one over rays and r^2.
+/// That is for so many rays over an open hemisphere, those of usual settings. Both are larger for fewer and smaller for
+/// more, by this power: the square of what a plane over a radius r misses grows as r^4, that of noise falls as one over rays
+/// and r^2.
 const RAYS: f64 = 300.0;
 const POWER: f64 = 1.0 / 6.0;
 /// How far neighbours are above or below a point's plane, as a share of how far they may be away.
