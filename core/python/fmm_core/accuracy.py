@@ -86,24 +86,11 @@ def measure(
                    expansions, relative to the largest irradiance that the source box can send there
     """
     rng = np.random.default_rng(0)
-    began, most, target = clock(), min(settings.probes, len(found)), settings.target_error
-    judge = Judge(solved, clock)
-    if target is None:
-        ends = began + SHARE * seconds[0]
-        judge.find_missing(LEAST_SAMPLES, tick)
-        kept = (1 - FOR_RADIOSITY) * SHARE * seconds[0] + 2 * seconds[1]
-        more = _rays(ends - kept - clock(), FOLLOWED * judge.ray_seconds)
-        if more > LEAST_SAMPLES // 2:
-            judge.find_missing(more, tick)
-        missing = judge.missing()
-        rays = max(LEAST_RAYS, _rays(ends - clock(), FOLLOWED_ON * judge.ray_seconds))
-        most = min(most, max(FEWEST, round(rays / ENOUGH)))
-        rays = min(PROBE_RAYS, round(rays / most))
+    judge, most = Judge(solved, clock), min(settings.probes, len(found))
+    if settings.target_error is None:
+        most, rays, missing, ends = _by_time(judge, most, *seconds, clock, tick)
     else:
-        ends = None
-        effort = float(np.clip((USUAL_TARGET / target) ** 0.5, LEAST_EFFORT, MOST_EFFORT))
-        judge.find_missing(round(effort * PARTICLE_RAYS), tick)
-        missing, rays = judge.missing(), round(effort * PROBE_RAYS)
+        rays, missing, ends = *_by_target(judge, settings.target_error, tick), None
     chosen = spread(points, normals, most, rng)
     gathered, further = judge.light(points[chosen], normals[chosen], missing, rays, tick, ends)
     whole = gathered + further
@@ -129,6 +116,31 @@ def measure(
         "rays": judge.rays,
         "bound": nearest_bound(settings.truncation, settings.separation) if multipole else None,
     }
+
+
+def _by_time(
+    judge: "Judge", most: int, baked: float, application: float, clock: Callable[[], float], tick: Tick
+) -> tuple[int, int, Points, float]:
+    """How many probes, at most so many, rays of each kind for each, what the radiosity lacks, and when to end: what a
+    share of the seconds of a bake pays for.
+    """
+    ends = clock() + SHARE * baked
+    judge.find_missing(LEAST_SAMPLES, tick)
+    kept = (1 - FOR_RADIOSITY) * SHARE * baked + 2 * application
+    more = _rays(ends - kept - clock(), FOLLOWED * judge.ray_seconds)
+    if more > LEAST_SAMPLES // 2:
+        judge.find_missing(more, tick)
+    missing = judge.missing()
+    rays = max(LEAST_RAYS, _rays(ends - clock(), FOLLOWED_ON * judge.ray_seconds))
+    probes = min(most, max(FEWEST, round(rays / ENOUGH)))
+    return probes, min(PROBE_RAYS, round(rays / probes)), missing, ends
+
+
+def _by_target(judge: "Judge", target: float, tick: Tick) -> tuple[int, Points]:
+    """Rays of each kind for each probe, and what the radiosity lacks: as well as a target error wants it."""
+    effort = float(np.clip((USUAL_TARGET / target) ** 0.5, LEAST_EFFORT, MOST_EFFORT))
+    judge.find_missing(round(effort * PARTICLE_RAYS), tick)
+    return round(effort * PROBE_RAYS), judge.missing()
 
 
 class Judge:
@@ -190,7 +202,7 @@ class Judge:
             tick(0.5 + 0.25 * half)
             given = points, normals, solved.radiosity, missing[half], solved.direct
             found.append(self._reference.irradiance(*given, rays, next(self._seeds)))
-            if ends is not None:
+            if half == 0 and ends is not None:
                 now = self._clock()
                 afforded = rays * (ends - now) / max(now - began, 1e-9)
                 rays = round(np.clip(afforded, LEAST_RAYS / len(points), UNLIKE * rays))
