@@ -105,7 +105,7 @@ def scatter(solution, place, normal):
     """Standard deviation of the light that 256 rays find at one place, as a share of it."""
     reference, nothing = Reference(solution.scene, solution._space.sums), np.zeros_like(solution.radiosity)
     given = np.array([place]), np.array([normal]), solution.radiosity, nothing, nothing
-    found = [reference.irradiance(*given, 256, seed)[0, 0, 0] for seed in range(30)]
+    found = [reference.irradiance(*given, np.array([256]), seed)[0][0, 0, 0] for seed in range(30)]
     return np.std(found) / np.mean(found)
 
 
@@ -132,8 +132,8 @@ def test_what_few_places_near_probes_send_is_told_by_several_rays_each():
     # In a corner that lamps light, among others that see little as near.
     points, normals = shapes.random_points(shapes.room(), 10)
     given = np.vstack([[0.99, 0.93, 1.0], points]), np.vstack([[0.0, 0.0, -1.0], normals])
-    given = *given, solution.radiosity, nothing, nothing, 128
-    light, lacking = np.transpose([reference.irradiance(*given, seed)[:, 0, 0] for seed in range(30)])
+    given = *given, solution.radiosity, nothing, nothing, np.full(len(points) + 1, 128)
+    light, lacking = np.transpose([reference.irradiance(*given, seed)[0][:, 0, 0] for seed in range(30)])
     assert np.std(lacking) < 0.022 * np.mean(light)
 
 
@@ -254,6 +254,29 @@ def test_places_of_a_group_are_on_all_of_its_triangles():
     assert (np.abs(points - middles)[triangles < len(sheet)] < 1 / 32).all()
     owners = np.repeat(np.arange(len(solution.particles.patches)), 50)
     assert (normals == solution.particles.normals[owners]).all()
+
+
+def test_points_may_have_different_numbers_of_rays():
+    solution = solved(probes=0)
+    reference, nothing = Reference(solution.scene, solution._space.sums), np.zeros_like(solution.radiosity)
+    given = *(part[:8] for part in POINTS), solution.radiosity, nothing, nothing
+    counts = np.array([1, 2048, 3, 1024, 64, 2048, 1, 1024])
+    (found, _), unlike = reference.irradiance(*given, counts, 0)
+    (truth, _), even = reference.irradiance(*given, np.full(8, 4096), 1)
+    off = np.linalg.norm(found - truth, axis=1) / np.linalg.norm(truth, axis=1)
+    assert off[counts > 1000].max() < 0.02 < off[counts < 64].max()
+    assert unlike[counts > 1000] == pytest.approx(even[counts > 1000], rel=0.1)
+    assert (unlike[counts == 1] == 0).all()
+
+
+def test_more_rays_go_on_where_single_ones_differ_more():
+    counts = accuracy.shared(np.array([1.0, 4.0, 1.0, 4.0]), 300)
+    assert counts.tolist() == [200, 400, 200, 400]
+    apart = accuracy.shared(np.append(np.zeros(30), 1e9), 100)
+    assert apart.sum() == pytest.approx(3100, rel=0.01)
+    assert apart[-1] == pytest.approx(10 * apart[0], rel=0.02)
+    assert accuracy.shared(np.zeros(5), 7.2).tolist() == [7] * 5
+    assert accuracy.shared(np.array([0.0, 1.0]), 0.01).tolist() == [1, 1]
 
 
 def test_the_papers_bound_is_far_above_what_is_measured(exact):

@@ -18,6 +18,7 @@ fn _binding(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<medium::Medium>()?;
     module.add_class::<fmm::Fmm>()?;
     module.add_class::<fmm::Surface>()?;
+    module.add_class::<samples::Emitters>()?;
     module.add_function(wrap_pyfunction!(fmm::error_bound, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::tree_order, module)?)?;
     module.add_function(wrap_pyfunction!(geometry::group, module)?)?;
@@ -32,6 +33,5 @@ fn _binding(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(direct::mark_visible, module)?)?;
     module.add_function(wrap_pyfunction!(direct::symmetrise, module)?)?;
     module.add_function(wrap_pyfunction!(samples::around, module)?)?;
-    module.add_function(wrap_pyfunction!(samples::aim, module)?)?;
     Ok(())
 }

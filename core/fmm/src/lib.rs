@@ -13,6 +13,7 @@ mod directions;
 pub mod driver;
 mod driver_cells;
 pub mod driver_visibility;
+pub mod emitters;
 pub mod error;
 pub mod expansion;
 pub mod facing;

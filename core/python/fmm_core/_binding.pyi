@@ -184,8 +184,26 @@ def symmetrise(bits: NDArray[np.uint64], count: int) -> None: ...
 def around(
     axes: NDArray[np.float64], cosines: NDArray[np.float64], angles: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...
-def aim(
-    at: tuple[NDArray[np.float64], NDArray[np.float64]],
-    start: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint32], NDArray[np.float64]],
-    numbers: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+
+Choosing = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint32], NDArray[np.float64]]
+
+class Emitters:
+    def __init__(
+        self,
+        patches: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+        emission: NDArray[np.float64],
+        opacity: NDArray[np.float64],
+        numbers: NDArray[np.uint32],
+    ) -> None: ...
+    def __len__(self) -> int: ...
+    def anywhere(self) -> NDArray[np.float64]: ...
+    def around(self, points: NDArray[np.float64], normals: NDArray[np.float64] | None) -> NDArray[np.float64]: ...
+    def met(
+        self,
+        start: Choosing,
+        met: tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]],
+        radiosity: NDArray[np.float64],
+    ) -> NDArray[np.float64]: ...
+    def aim(
+        self, start: Choosing, numbers: NDArray[np.float64], frame: tuple[tuple[float, ...], float, float]
+    ) -> tuple[NDArray[np.uint32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]: ...

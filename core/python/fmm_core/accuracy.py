@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
+from .arrays import weighed
 from .multipole import MultipoleSpace
 from .progress import Tick, silent
 from .reference import Reference
@@ -28,17 +29,19 @@ PROBE_RAYS, PARTICLE_RAYS = 1024, 320_000
 USUAL_TARGET, LEAST_EFFORT, MOST_EFFORT = 0.005, 0.22, 1.5
 #: What measuring aims to take elsewhere, as a share of the other seconds of a bake, and what of that finds what the
 #: radiosity lacks.
-SHARE, FOR_RADIOSITY = 0.22, 0.4
+SHARE, FOR_RADIOSITY = 0.235, 0.33
 #: Least rays of each kind from all particles together and from all probes, and most of either, in one estimate.
 LEAST_SAMPLES, LEAST_RAYS, MOST_RAYS = 24_000, 40_000, 320_000
 #: Rays that one of each kind are in the end from a particle, and from a probe, from where some go on.
-FOLLOWED, FOLLOWED_ON = 1.5, 2.5
+FOLLOWED, FOLLOWED_ON = 1.5, 2.9
 #: Rays of the second estimate for each of the first, at most.
 UNLIKE = 2.0
+#: Rays of a probe in the second estimate, as shares of the mean, at least and at most.
+SHARED = 0.4, 4.0
 #: Samples that tell what the radiosity lacks at a place: where patches have fewer, neighbours are taken together.
 TOGETHER = 32
 #: Rays of a probe that tell enough: where there are more, probes are more, and elsewhere fewer, down to so many.
-ENOUGH, FEWEST = 280, 300
+ENOUGH, FEWEST = 220, 300
 #: Standard deviation of the product of both estimates' noise over all probes, as a share of their squared difference.
 COMMON = 0.15
 #: Samples of the probes that tell how far chance goes, and the share of them that the range holds.
@@ -194,21 +197,29 @@ class Judge:
     ) -> tuple[Points, Points]:
         """Irradiance (2, M, 3) at points with normals (M, 3), and what it lacks where the radiosity lacks so much
         (2, N, 3), by so many rays of each kind each. Where it is to end at some time the second estimate has as many
-        as the first one left seconds for.
+        as the first one left seconds for, most of them where single rays of that differ most.
         """
         solved, lamps = self._solved, self._solved.lamps(points, normals)
-        found, began = [], self._clock()
+        found, began, counts = [], self._clock(), np.full(len(points), rays)
         for half in (0, 1):
             tick(0.5 + 0.25 * half)
             given = points, normals, solved.radiosity, missing[half], solved.direct
-            found.append(self._reference.irradiance(*given, rays, next(self._seeds)))
+            light, unlike = self._reference.irradiance(*given, counts, next(self._seeds))
+            found.append(light)
             if half == 0 and ends is not None:
                 now = self._clock()
                 afforded = rays * (ends - now) / max(now - began, 1e-9)
-                rays = round(np.clip(afforded, LEAST_RAYS / len(points), UNLIKE * rays))
+                counts = shared(unlike, np.clip(afforded, LEAST_RAYS / len(points), UNLIKE * rays))
         tick(1.0)
         gathered, further = np.swapaxes(found, 0, 1)
         return gathered + lamps, further
+
+
+def shared(unlike: Points, rays: float) -> NDArray[np.int64]:
+    """(M,) rays of each point, so many on average, where single rays of another estimate have such variances (M,)."""
+    wanted = np.sqrt(unlike)
+    wanted = np.clip(wanted / max(wanted.mean(), np.finfo(float).tiny), *SHARED)
+    return np.maximum(1, np.round(rays * wanted / wanted.mean())).astype(np.int64)
 
 
 def spread(points: Points, normals: Points, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
@@ -231,7 +242,7 @@ def reflected_again(solved: Solved, albedo: Points) -> Points:
     """(3,) the share of all light in a scene that surfaces (N, 3) reflect onto others."""
     particles = solved.space.sums.particles
     reflected = solved.radiosity - particles.of_triangles(solved.scene.emission) - albedo * solved.direct
-    sent, all_light = particles.weights @ reflected, particles.weights @ solved.radiosity
+    sent, all_light = (weighed(particles.weights, light) for light in (reflected, solved.radiosity))
     return np.clip(sent / np.where(all_light > 0, all_light, 1.0), 0.0, albedo.max(axis=0))
 
 

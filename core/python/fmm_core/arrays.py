@@ -57,6 +57,13 @@ def lengths(vectors: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.sqrt(np.einsum("...i,...i", vectors, vectors))
 
 
+def weighed(weights: NDArray[np.floating], rows: NDArray[np.floating]) -> NDArray[np.floating]:
+    """(...) the sum of rows (K, ...) times their weights (K,), and not by BLAS: its threads go on turning for a while,
+    and keep the cores from others.
+    """
+    return np.einsum("k,k...->...", weights, rows)
+
+
 def largest(values: NDArray[np.floating]) -> NDArray[np.floating]:
     """(N,) of each row (N, K) of few numbers, one by one of which numpy is slow."""
     return np.maximum.reduce(list(values.T))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import weighed
 from .particles import Particles
 from .progress import Tick
 from .report import Report
@@ -52,8 +53,8 @@ def gmres(
 
     radiosity, unshot, ratio = own.copy(), own, 1.0
     for _ in range(min(STEPS, settings.max_iterations)):
-        before, unshot = particles.weights @ unshot, reflect(unshot)
-        ratio = min(most, float((particles.weights @ unshot / np.where(before > 0, before, 1.0)).max()))
+        before, unshot = weighed(particles.weights, unshot), reflect(unshot)
+        ratio = min(most, float((weighed(particles.weights, unshot) / np.where(before > 0, before, 1.0)).max()))
         report.residuals.append(_largest(unshot, radiosity + unshot))
         if _remaining(report.residuals[-1], ratio) <= settings.tolerance:
             return np.maximum(radiosity + unshot, 0.0)
@@ -94,8 +95,8 @@ def _solved(
         vector = np.ascontiguousarray(apply(np.ascontiguousarray(basis[:, k].T)).T)
         for colour in range(channels):
             known = basis[colour, : k + 1]
-            hessenberg[colour, : k + 1, k] = known @ vector[colour]
-            vector[colour] -= hessenberg[colour, : k + 1, k] @ known
+            hessenberg[colour, : k + 1, k] = weighed(vector[colour], known.T)
+            vector[colour] -= weighed(hessenberg[colour, : k + 1, k], known)
         hessenberg[:, k + 1, k] = np.linalg.norm(vector, axis=1)
         basis[:, k + 1] = _unit(vector, hessenberg[:, k + 1, k])
         systems = [(h[: k + 2, : k + 1], g[: k + 2]) for h, g in zip(hessenberg, goal, strict=True)]
@@ -104,7 +105,7 @@ def _solved(
         report.residuals.append(float(np.linalg.norm(left, axis=1).max() / np.sqrt(count)))
         if report.residuals[-1] <= wanted:
             break
-    return np.stack([fit @ known[: len(fit)] for fit, known in zip(fits, basis, strict=True)], axis=1)
+    return np.stack([weighed(fit, known[: len(fit)]) for fit, known in zip(fits, basis, strict=True)], axis=1)
 
 
 def _unit(rows: Colours, lengths: Colours) -> Colours:

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
-from .emitters import Choice, Emitters
+from .emitters import choosable
 from .medium import left
 from .particles import NO_PATCH, Particles
-from .patterns import R2, R3, R5, ROOTS, around, disc
+from .patterns import GOLDEN, R2, R3, R5, ROOTS, around
 from .scene import Scene
 from .transport import Sums
 from .visibility import Met
@@ -25,8 +25,8 @@ RAYS_PER_BLOCK, SHARED = 24_576, 2
 NEAR, PLACES = 2.0, 3
 #: So many rays go on from the first places for each that met any or none, but no more than so many from each place.
 ON, MOST_ON = 0.5, 8
-#: Emitters from which on all points choose alike, which takes less memory.
-MOST_CHOSEN = 4096
+#: Points times emitters from which on all points choose alike, which takes less memory.
+MOST_CHOSEN = 1 << 20
 
 
 class Reference:
@@ -43,10 +43,8 @@ class Reference:
         self._scene, self._particles = scene, sums.particles
         self._occlusion, self._surface = sums.apart(scene)
         self._places = _Places.of(scene, sums.particles)
-        centres, across = self._places.patches.mean(axis=1), np.ascontiguousarray(self._places.normals)
-        self._order = _binding.tree_order(centres, across).astype(np.int64)
-        self._emitters, self._medium = Emitters(scene, sums.particles, by_place=True), sums.medium
-        self._anywhere = self._emitters.anywhere() if len(self._emitters) else None
+        self._order = _binding.tree_order(self._places.centres, self._places.normals).astype(np.int64)
+        self._emitters, self._medium = choosable(scene, sums.particles), sums.medium
         self._near = self._particles.of_points((NEAR * self._particles.radii) ** 2)
 
     @property
@@ -60,39 +58,43 @@ class Reference:
         radiosity: Points,
         missing: Points,
         direct: Points,
-        rays: int,
+        rays: NDArray[np.int64],
         seed: int,
-    ) -> Points:
-        """(2, M, 3) W/m^2 at points with normals (M, 3), by so many rays of each kind for each point: from the
-        radiosity (N, 3) of the particles, and from what that lacks. Another seed: an independent estimate.
+    ) -> tuple[Points, Points]:
+        """(2, M, 3) W/m^2 at points with normals (M, 3), by so many rays (M,) of each kind: from the radiosity (N, 3)
+        of the particles, and from what that lacks; and the variance (M,) of what single rays tell of the former.
+        Another seed: an independent estimate.
 
         missing   (N, 3) what the radiosity lacks on average over each patch; rays that meet near ones go on to find
         what leaves the very places that they come to
         direct    (N, 3) irradiance of the particles from lamps and sky
         """
-        found = np.empty((2, len(points), 3))
-        both = np.hstack([radiosity, missing])
+        found, unlike = np.empty((2, len(points), 3)), np.empty(len(points))
+        both, bounds = np.hstack([radiosity, missing]), _bounds(rays)
 
-        def block(rows: slice) -> int:
-            rng = np.random.default_rng([seed, rows.start])
-            starts, across = (np.repeat(values[rows], rays, axis=0) for values in (points, normals))
-            owners = np.repeat(np.arange(rows.stop - rows.start), rays)
-            choice, choice_on = self._choices(points[rows], normals[rows])
-            samples = _samples(normals[rows], rays, rng.random((rows.stop - rows.start, 5)))
+        def block(part: slice) -> int:
+            rows = slice(bounds[part.start], bounds[part.stop])
+            rng, counts = np.random.default_rng([seed, rows.start]), rays[rows]
+            owners = np.repeat(np.arange(len(counts)), counts)
+            starts, across = points[rows][owners], normals[rows][owners]
+            choice, choice_on = self._choice(points[rows], normals[rows]), self._choice(points[rows], None)
+            samples = _samples(across, counts, rng.random((len(counts), 5)))
             received, met, passed, traced = self._received(starts, across, samples, both, choice, owners)
             more, rays_on = self._further(starts, met, passed, both, direct, rng, choice_on, owners)
             received[:, 3:] += more
-            received = received.reshape(-1, rays, 6).mean(axis=1)
-            found[:, rows] = received[:, :3], received[:, 3:]
+            mean = _means(received, counts)
+            found[:, rows] = mean[:, :3], mean[:, 3:]
+            squares = _means((received[:, :3] ** 2).sum(axis=1), counts)
+            unlike[rows] = squares - (mean[:, :3] ** 2).sum(axis=1)
             return traced + rays_on
 
-        self._occlusion.run_blocks(block, len(points), _block(len(points), rays))
-        return found
+        self._occlusion.run_blocks(block, len(bounds) - 1, 1)
+        return found, np.maximum(unlike, 0.0)
 
-    def _choices(self, points: Points, normals: Points) -> tuple[Choice | None, Choice | None]:
-        """How points with normals (M, 3) choose emitters, and places near them."""
-        if not 0 < len(self._emitters) <= MOST_CHOSEN:
-            return self._anywhere, self._anywhere
+    def _choice(self, points: Points, normals: Points | None) -> Points:
+        """(M, E) or (1, E): how points with normals (M, 3) choose emitters; without, places near the points."""
+        if len(self._emitters) * len(points) > MOST_CHOSEN:
+            return self._emitters.anywhere()
         return self._emitters.around(points, normals)
 
     def _further(
@@ -103,7 +105,7 @@ class Reference:
         both: Points,
         direct: Points,
         rng: np.random.Generator,
-        choice: Choice | None,
+        choice: Points,
         owners: NDArray[np.int64],
     ) -> tuple[Points, int]:
         """By how much more arrives (K, 3) at the starts (K, 3) of rays, from near places that they have met, than both
@@ -130,8 +132,7 @@ class Reference:
             # What follows each other comes from one point mostly.
             upwards, turns = _sequence(len(hit), rng.random(2), R2).T
             directions = around(normals, np.sqrt(1 - upwards)[:, None], 2 * np.pi * turns[:, None])[:, 0]
-            aimed = _sequence(len(hit), rng.random(3), R3)
-            samples = _Samples(directions, aimed[:, 0], aimed[:, 1:])
+            samples = _Samples(directions, _sequence(len(hit), rng.random(3), R3))
             received, met, there, rays = self._received(starts, normals, samples, both, choice, owners[rows])
             irradiance = received[:, :3] + received[:, 3:] + direct[chosen]
             lacking = scene.emission[triangles] + scene.albedo[triangles] * irradiance - known
@@ -146,20 +147,21 @@ class Reference:
         """
         particles, scene = self._particles, self._scene
         of_patches = np.empty((len(particles.patches), 3))
+        bounds = _bounds(np.full(len(of_patches), samples))
 
         def block(part: slice) -> int:
-            rng, rows = np.random.default_rng([seed, part.start]), self._order[part]
+            rows = self._order[bounds[part.start] : bounds[part.stop]]
+            rng, counts = np.random.default_rng([seed, part.start]), np.full(len(rows), samples)
             triangles, points, normals = self._places.random(rows, samples, rng)
             # Neighbours ask in other directions, and tell more together.
-            given = _samples(normals[::samples], samples, _sequence(len(rows), rng.random(5), R5))
-            received, _, _, traced = self._received(
-                points, normals, given, radiosity, self._anywhere, np.arange(len(points))
-            )
-            sent = scene.emission[triangles] + scene.albedo[triangles] * received
-            of_patches[rows] = sent.reshape(-1, samples, 3).mean(axis=1)
+            given = _samples(normals, counts, _sequence(len(rows), rng.random(5), R5))
+            choice = self._choice(self._places.centres[rows], self._places.normals[rows])
+            owners = np.repeat(np.arange(len(rows)), samples)
+            received, _, _, traced = self._received(points, normals, given, radiosity, choice, owners)
+            of_patches[rows] = _means(scene.emission[triangles] + scene.albedo[triangles] * received, counts)
             return traced
 
-        self._occlusion.run_blocks(block, len(of_patches), _block(len(of_patches), samples))
+        self._occlusion.run_blocks(block, len(bounds) - 1, 1)
         shares = particles.weights.reshape(-1, particles.per_patch)
         shares = shares / shares.sum(axis=1, keepdims=True)
         of_patches -= (shares[:, :, None] * radiosity.reshape(-1, particles.per_patch, 3)).sum(axis=1)
@@ -180,7 +182,7 @@ class Reference:
         normals: Points,
         samples: "_Samples",
         radiosity: Points,
-        choice: Choice | None,
+        choice: Points,
         rows: NDArray[np.int64],
     ) -> tuple[Points, Met, Points, int]:
         """One sample (K, 3 k) of what each point receives, what its ray meets, what is left (K, 3) of the light from
@@ -189,34 +191,22 @@ class Reference:
         Emitters are chosen as rows (K,) of the choice have it, or all alike where that has one row; radiosity (N, 3 k),
         of which the first three columns have the emission of the scene, and others none.
         """
-        scene, particles = self._scene, self._particles
         met = self._occlusion.met(points, normals, samples.directions, self._surface)
-        received = radiosity[met.particles]
-        received[met.particles < 0] = 0.0
+        rows = rows if len(choice) > 1 else np.zeros_like(rows)
+        start = points, normals, rows.astype(np.uint32), choice
+        received = self._emitters.met(start, (met.particles, met.positions, met.normals), radiosity)
         passed = self._left(points, met.positions)
         if not self._medium.is_clear:
             received *= np.tile(passed, radiosity.shape[1] // 3)
-        if len(self._emitters) == 0:
-            return received, met, passed, len(points)
-        if len(choice.density) == 1:
-            rows = np.zeros_like(rows)
-        lit = np.flatnonzero(self._emitters.density[met.particles] > 0)
-        density = choice.density[rows[lit], self._emitters.number[met.particles[lit]]]
-        share = _share(points[lit], normals[lit], met.positions[lit], met.normals[lit], density)
-        received[lit, :3] -= (1 - share)[:, None] * passed[lit] * scene.emission[particles.triangle[met.particles[lit]]]
 
-        number = choice.emitters(rows, samples.at)
-        facing = self._emitters.normals
-        aiming = points, normals, number.astype(np.uint32), choice.density[rows, number]
-        ends, share = _binding.aim((self._emitters.corners, facing), aiming, np.ascontiguousarray(samples.ends))
-        asked = np.flatnonzero(share > 0)
-        seen = asked[self._occlusion.sees(points[asked], normals[asked], ends[asked], facing[number[asked]])]
-        triangles = particles.triangle[self._emitters.patches[number[seen]] * particles.per_patch]
-        if scene.opacity is not None:
-            share[seen] *= scene.opacity.mean[triangles]
-        arrived = share[seen, None] * self._left(points[seen], ends[seen])
-        received[seen, :3] += arrived * scene.emission[triangles]
-        return received, met, passed, len(points) + len(asked)
+        occlusion = self._occlusion
+        asked, origins, directions, light = self._emitters.aim(start, samples.ends, occlusion.frame)
+        seen = occlusion.clear(origins, directions)
+        asked, light = asked[seen], light[seen]
+        _, scale, _ = occlusion.frame
+        arrived = light * self._left(points[asked], points[asked] + scale * directions[seen])
+        received[asked, :3] += arrived
+        return received, met, passed, len(points) + len(seen)
 
     def _left(self, points: Points, ends: Points) -> Points:
         """(K, 3) shares of light that are left on the way to points from ends (K, 3)."""
@@ -231,12 +221,13 @@ class Reference:
 class _Places:
     """The surface that each patch stands for.
 
-    triangles (P,) its own; patches (P, 3, 3), normals (P, 3); for groups of triangles their members in `members` (G,),
-    at the sides `backs` (G,), by areas that add up to `ends` (G,), from `starts` (P,) over `areas` (P,), 0 for others
+    triangles (P,) its own; patches (P, 3, 3), centres and normals (P, 3) of these; for groups of triangles their
+    members in `members` (G,), by areas that add up to `ends` (G,), from `starts` (P,) over `areas` (P,), 0 for others
     """
 
     triangles: NDArray[np.int64]
     patches: Points
+    centres: Points
     normals: Points
     corners: Points
     members: NDArray[np.int64]
@@ -257,7 +248,8 @@ class _Places:
         return cls(
             triangles=particles.triangle[:: particles.per_patch],
             patches=particles.patches,
-            normals=particles.normals[:: particles.per_patch],
+            centres=particles.patches.mean(axis=1),
+            normals=np.ascontiguousarray(particles.normals[:: particles.per_patch]),
             corners=scene.triangles,
             members=member,
             ends=np.cumsum(particles.solid[member]),
@@ -286,22 +278,20 @@ class _Places:
         return triangles, _inside(corners, _sequence(len(corners), rng.random(2), ROOTS)), normals
 
 
-def _block(count: int, rays: int) -> int:
-    """Of `count` points with so many rays each, how many are taken together: the same on all machines."""
-    blocks = SHARED * math.ceil(count * rays / (SHARED * RAYS_PER_BLOCK))
-    return max(1, math.ceil(count / max(1, blocks)))
-
-
-def _share(points: Points, normals: Points, ends: Points, end_normals: Points, density: Points) -> Points:
-    """(K,) how much of the light of an end a ray even by cosine finds, where others choose it at random with a density
-    (K,) per area.
+def _bounds(rays: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Of points with so many rays (M,) each the first ones of blocks of about as many rays, the same on all machines,
+    and the end.
     """
-    between = ends - points
-    squared = np.maximum(_dot(between, between), np.finfo(float).tiny)
-    here = np.maximum(_dot(between, normals), 0.0)
-    there = np.maximum(-_dot(between, end_normals), 0.0)
-    by_ray, aimed = here * there / (np.pi * squared), density * squared
-    return by_ray**2 / np.maximum(by_ray**2 + aimed**2, np.finfo(float).tiny)
+    ends = np.cumsum(rays)
+    blocks = SHARED * math.ceil(ends[-1] / (SHARED * RAYS_PER_BLOCK))
+    inner = np.searchsorted(ends, np.arange(1, blocks) * (ends[-1] / blocks), side="right")
+    return np.unique(np.concatenate([[0], inner, [len(rays)]]))
+
+
+def _means(values: Points, counts: NDArray[np.int64]) -> Points:
+    """Of values of rays, so many (M,) of each point after each other, the mean of each point."""
+    sums = np.add.reduceat(values, np.cumsum(counts) - counts)
+    return (sums.T / counts).T
 
 
 def _dot(a: Points, b: Points) -> Points:
@@ -318,25 +308,28 @@ def _inside(triangles: Points, numbers: Points) -> Points:
 
 @dataclass(frozen=True)
 class _Samples:
-    """Of rays: directions (K, 3) even by cosine; numbers even in [0, 1): at (K,) tell the emitters that are aimed at,
-    and ends (K, 2) the places on these.
-    """
+    """Of rays: directions (K, 3) even by cosine, and numbers (K, 3) even in [0, 1) that tell what is aimed at."""
 
     directions: Points
-    at: Points
     ends: Points
 
 
-def _samples(normals: Points, count: int, turns: Points) -> _Samples:
-    """As many for each of unit normals (M, 3), along Vogel's spiral, and in order of what they aim at, shifted by turns
-    (M, 5) in [0, 1).
+def _samples(normals: Points, counts: NDArray[np.int64], turns: Points) -> _Samples:
+    """For points with so many rays (M,) each, about the unit normals (K, 3) of these: along Vogel's spiral, and in
+    order of what they aim at, shifted by turns (M, 5) in [0, 1).
     """
-    squares, angles = np.moveaxis(disc(count, turns[:, :2]), 2, 0)
-    at = (np.arange(count) + turns[:, 2:3]) / count
-    ends = _sequence(count, turns[:, None, 3:], R2)
-    return _Samples(around(normals, np.sqrt(1 - squares), angles).reshape(-1, 3), at.ravel(), ends.reshape(-1, 2))
+    number = np.arange(len(normals)) - np.repeat(np.cumsum(counts) - counts, counts)
+    turns, steps = np.repeat(turns, counts, axis=0), number[:, None]
+    squares, at = ((number + turns[:, k]) / np.repeat(counts, counts) for k in (0, 2))
+    angles = 2 * np.pi * (GOLDEN * number + turns[:, 1])
+    ends = np.column_stack([at, _whole_turns_off(turns[:, 3:] + steps * R2)])
+    return _Samples(around(normals, np.sqrt(1 - squares)[:, None], angles[:, None])[:, 0], ends)
 
 
 def _sequence(count: int, start: Points, step: Points) -> Points:
-    """(..., count, D) numbers even in [0, 1), the first of which are at start (D,), or (..., 1, D)."""
-    return (start + np.arange(count)[:, None] * step) % 1.0
+    """(count, D) numbers even in [0, 1), the first of which are at start (D,)."""
+    return _whole_turns_off(start + np.arange(count)[:, None] * step)
+
+
+def _whole_turns_off(turns: Points) -> Points:
+    return turns - np.floor(turns)

@@ -136,12 +136,13 @@ class Occlusion:
     whole   whether nothing lets any light through
     shading what stands in the way of lamps and sky, which is asked for by `transmitted`
     size    the longest side of the box around the triangles
+    frame   centre, scale and offset of the box that rays are traced in
     """
 
     def __init__(self, scene: Scene, kept: KeptVisibility | None = None) -> None:
         self._centre = scene.centre
         self.size, self._scale = scene.size, scene.size / 2
-        self._frame = tuple(self._centre), self._scale, OFFSET
+        self.frame = tuple(self._centre), self._scale, OFFSET
         self.triangles, self._two_sided = scene.triangles, scene.two_sided
         edges = scene.triangles[:, 1:] - scene.triangles[:, :1]
         self._normals = np.cross(edges[:, 0], edges[:, 1])
@@ -201,7 +202,7 @@ class Occlusion:
         def block(rows: slice) -> int:
             after = rows.start if symmetric else None
             receivers = points[rows], normals[rows]
-            pairs, origins, directions = _binding.facing_rays(*receivers, sources, after, *self._frame)
+            pairs, origins, directions = _binding.facing_rays(*receivers, sources, after, *self.frame)
             occluded = self._occluded(origins, directions)
             _binding.mark_visible(bits[rows.start * words : rows.stop * words], len(sources), pairs, occluded)
             return len(pairs)
@@ -255,7 +256,7 @@ class Occlusion:
         sources: areas, weights, reach, coarse and radii (N,) as `Occluded` of the core has them; effort as its
         `VisibilityOptions`.
         """
-        fmm.occlude(list(sources), self._frame, effort)
+        fmm.occlude(list(sources), self.frame, effort)
 
     def trace(
         self,
@@ -301,7 +302,7 @@ class Occlusion:
             fmm.detect(slots, self._occluded(origins, directions))
             return len(slots)
 
-        count = fmm.find_cells(self._frame)
+        count = fmm.find_cells(self.frame)
         self.rays += run_blocks(shoot_and_detect, count, CELLS_PER_BLOCK, lambda done: tick(0.2 + 0.6 * done))
         fmm.generate()
 
@@ -330,7 +331,11 @@ class Occlusion:
         target_normals: NDArray[np.float64],
     ) -> NDArray[np.bool_]:
         """The same for a few, to be called by what `run_blocks` runs."""
-        return ~self._occluded(*_binding.rays_between((points, normals), (targets, target_normals), self._frame))
+        return self.clear(*_binding.rays_between((points, normals), (targets, target_normals), self.frame))
+
+    def clear(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """(R,) whether rays (R, 3) in the `frame` meet nothing on their way, to be called by what `run_blocks` runs."""
+        return ~self._occluded(origins, directions)
 
     def transmitted(
         self,
