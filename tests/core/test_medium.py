@@ -116,12 +116,14 @@ def test_light_that_a_judge_follows_further_loses_what_all_ways_take(places, mon
     shining, nothing = np.ones((len(particles), 3)), np.zeros((len(particles), 3))
     reflected, last = nothing, shining
     for _ in range(places):
-        last = albedo * judge.irradiance(particles.positions, particles.normals, last, nothing, nothing, 256, 0)[0]
+        counts = np.full(len(particles), 256)
+        (last, _), _ = judge.irradiance(particles.positions, particles.normals, last, nothing, nothing, counts, 0)
+        last = albedo * last
         reflected = reflected + last
     at = np.full((1, 3), 0.5) * [1, 1, 0], np.array([[0, 0, 1.0]])
-    told = judge.irradiance(*at, shining, reflected, nothing, 20_000, 1)[1]
+    (_, told), _ = judge.irradiance(*at, shining, reflected, nothing, np.array([20_000]), 1)
     monkeypatch.setattr(reference, "PLACES", places)
-    found = judge.irradiance(*at, shining, nothing, nothing, 20_000, 2)[1]
+    (_, found), _ = judge.irradiance(*at, shining, nothing, nothing, np.array([20_000]), 2)
     assert found == pytest.approx(told, rel=0.02)
 
 
