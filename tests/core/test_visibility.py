@@ -318,3 +318,18 @@ def test_close_patches_that_a_horizon_cuts_are_seen_as_far_as_they_are_in_front(
 
     # Nothing is in the way.
     assert received(True) == pytest.approx(received(False), rel=1e-9)
+
+
+@pytest.mark.parametrize("quadrature", [1, 2])
+def test_penumbrae_of_a_bright_wall_are_finer_than_its_patches(quadrature):
+    floor = shapes.quad([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0])
+    wall = shapes.quad([0, 1, 0], [1, 1, 0], [1, 1, 1], [0, 1, 1])
+    posts = [shapes.quad([x, 0.8, 0], [x + 0.04, 0.8, 0], [x + 0.04, 0.8, 1], [x, 0.8, 1]) for x in (0.2, 0.45, 0.7)]
+    scene = fmm_core.Scene(np.concatenate([floor, wall, *posts]), 0.0, np.repeat([0.0, 1.0, 0.0], [2, 2, 6]), True)
+    x, y = (part.ravel() for part in np.meshgrid(np.linspace(0.05, 0.95, 40), np.linspace(0.1, 0.7, 20)))
+    points = np.stack([x, y, 0 * x], axis=1), np.tile([0.0, 0.0, 1.0], (800, 1))
+    coarse = fmm_core.Settings(particles=400, method="fmm", quadrature=quadrature, probes=0)
+    solution = fmm_core.solve(scene, coarse)
+    found, exact = solution.irradiance(*points), solution.estimates(*points, 2048, 1000).mean(axis=0)
+    # Of patches that are seen or not by their middles it is 0.07 and 0.05.
+    assert np.linalg.norm(found - exact) < 0.03 * np.linalg.norm(exact)

@@ -121,12 +121,13 @@ impl Fmm {
         self.driver.n_blockers()
     }
 
-    /// Makes visible lists: areas, weights, reach, coarse and radii (N,) of the sources, frame as (centre,
-    /// scale, offset), effort as (share, angle, run_angle, part_angle, density).
+    /// Makes visible lists: areas, weights, reach, coarse and radii (N,) of the sources, their patches (P, 3, 3) with the
+    /// rule (points_per_patch, 3), frame as (centre, scale, offset), effort as (share, angle, run_angle, part_angle, density).
     fn occlude(
         &mut self,
         py: Python,
         sources: [PyReadonlyArray1<f64>; 5],
+        patches: (PyReadonlyArray3<f64>, Points),
         frame: ([f64; 3], f64, f64),
         effort: (f64, f64, f64, f64, usize),
     ) -> PyResult<()> {
@@ -142,6 +143,8 @@ impl Fmm {
             reach: flat(reach)?,
             coarse: flat(coarse)?,
             radii: flat(radii)?,
+            patches: triangles(&patches.0)?,
+            rule: triples(&patches.1, "rule")?,
         };
         py.detach(|| self.driver.occlude(&scene, options)).map_err(value_error)
     }

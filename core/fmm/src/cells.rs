@@ -10,6 +10,7 @@ use crate::links::Weights;
 use crate::lists::{Lists, ListsOptions};
 use crate::medium::Medium;
 use crate::octree::Octree;
+use crate::places::Places;
 use crate::rays::Frame;
 use crate::shaft::Blockers;
 use crate::visibility::{Kind, Pair, Rays, View};
@@ -82,6 +83,7 @@ impl Cells {
             reach: vec![0.0; sources.n_boxes()],
             coarse: Vec::new(),
             margin: Vec::new(),
+            places: Places::default(),
             blockers: Blockers::default(),
             medium: Medium::default(),
             absorbing: Blockers::default(),

@@ -8,6 +8,7 @@ use crate::gather::{Gather, GatherRays, Met};
 use crate::links::{Links, Weights};
 use crate::near_field::{NearField, Patches};
 use crate::octree::Octree;
+use crate::places::Places;
 use crate::rays::Frame;
 use crate::shaft::{Blockers, End};
 use crate::surface::Surface;
@@ -29,6 +30,9 @@ pub struct Occluded<'a> {
     pub coarse: &'a [f64],
     /// (N,) how far from it the surface that a source stands for goes, scene order.
     pub radii: &'a [f64],
+    /// (P, 3, 3) patches, and the barycentric coordinates of the sources on each.
+    pub patches: &'a [[[f64; 3]; 3]],
+    pub rule: &'a [[f64; 3]],
 }
 
 /// What the rays of links are made from.
@@ -58,6 +62,7 @@ impl Fmm {
         for values in [scene.areas, scene.weights, scene.reach, scene.coarse, scene.radii] {
             same_length("what is known of the sources", self.sources.n_points(), values.len())?;
         }
+        same_length("sources of patches", scene.patches.len() * scene.rule.len(), self.sources.n_points())?;
         let in_tree = |values: &[f64]| self.sources.to_scene.iter().map(|&j| values[j as usize]).collect::<Vec<f64>>();
         let largest = |values: &[f64]| -> Vec<f64> {
             let values = in_tree(values);
@@ -81,6 +86,7 @@ impl Fmm {
             reach: largest(scene.reach),
             coarse: largest(scene.coarse),
             margin: largest(scene.radii),
+            places: Places::new(&self.sources, scene.patches, scene.rule, scene.coarse),
             blockers: std::mem::take(&mut self.blockers),
             medium: self.medium.clone(),
             absorbing: Blockers::new(&self.medium.bounds(), [&self.targets, &self.sources]),

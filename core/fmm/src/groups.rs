@@ -3,8 +3,8 @@
 
 use crate::error::{Error, same_length};
 use crate::meshes::{PARALLEL, Sets, corners, meshes};
+use crate::samples::hash;
 use crate::vector::{add, cross, dot, high, low, norm, scale, sub};
-use crate::visibility::hash;
 use rayon::prelude::*;
 use std::collections::HashMap;
 

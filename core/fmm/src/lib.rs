@@ -36,6 +36,7 @@ mod octree_grid;
 mod octree_normals;
 mod octree_points;
 mod passes;
+mod places;
 pub mod planes;
 pub mod portions;
 pub mod rays;

@@ -7,7 +7,7 @@ use glam::DVec3;
 pub(crate) const MOST_CORNERS: usize = 12;
 
 /// Polygons in barycentric coordinates, counter-clockwise, which make up a patch.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Portions {
     polygons: Vec<Vec<[f64; 3]>>,
 }
@@ -32,10 +32,33 @@ impl Portions {
         self.polygons.is_empty()
     }
 
+    /// A place, in barycentric coordinates, in the part of one point, even over its area for two numbers even in [0, 1).
+    pub fn place(&self, part: usize, [u, v]: [f64; 2]) -> [f64; 3] {
+        let polygon = &self.polygons[part];
+        let fan = || polygon[1..].windows(2).map(|side| [polygon[0], side[0], side[1]]);
+        let mut left = u * fan().map(size).sum::<f64>();
+        let last = polygon.len() - 3;
+        for (k, triangle) in fan().enumerate() {
+            let own = size(triangle);
+            if left < own || k == last {
+                let (root, [a, b, c]) = ((left / own).min(1.0).sqrt(), triangle);
+                return [0, 1, 2].map(|i| (1.0 - root) * a[i] + root * ((1.0 - v) * b[i] + v * c[i]));
+            }
+            left -= own;
+        }
+        polygon[0]
+    }
+
     /// The corners of what the points of one patch stand for.
     pub fn of<'a>(&'a self, &[a, b, c]: &'a [DVec3; 3]) -> impl Iterator<Item = impl Iterator<Item = DVec3> + 'a> + 'a {
         self.polygons.iter().map(move |polygon| polygon.iter().map(move |&[u, v, w]| u * a + v * b + w * c))
     }
+}
+
+/// The area of a triangle in barycentric coordinates, as a share of the patch.
+fn size([a, b, c]: [[f64; 3]; 3]) -> f64 {
+    let [ab, ac] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1]]);
+    ab[0] * ac[1] - ab[1] * ac[0]
 }
 
 /// What of a convex polygon is nearer to one point than to another, in the equilateral triangle.
@@ -82,6 +105,32 @@ mod tests {
         let portions = Portions::new(&RULE);
         let areas = areas(&portions);
         assert!(areas.iter().all(|area| (area - 1.0).abs() < 1e-12), "{areas:?}");
+    }
+
+    #[test]
+    fn places_are_even_over_the_part_of_their_point() {
+        let portions = Portions::new(&RULE);
+        let count = 200;
+        for (part, corners) in portions.of(&CORNERS).enumerate() {
+            let corners: Vec<_> = corners.collect();
+            let numbers =
+                (0..count * count).map(|i| [i / count, i % count].map(|k| (f64::from(k) + 0.5) / f64::from(count)));
+            let places: Vec<_> = numbers.map(|numbers| portions.place(part, numbers)).collect();
+            let square = |p: &[f64; 3], q: &[f64; 3]| (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f64>();
+            for place in &places {
+                let nearest = (0..3).min_by(|&i, &j| square(place, &RULE[i]).total_cmp(&square(place, &RULE[j])));
+                assert_eq!(nearest, Some(part));
+            }
+            let [a, b, c] = CORNERS;
+            let mean =
+                places.iter().map(|[u, v, w]| *u * a + *v * b + *w * c).sum::<DVec3>() / f64::from(count * count);
+            // The centroid of a polygon by its fan.
+            let fan = corners[1..].windows(2).map(|side| (corners[0], side[0], side[1]));
+            let weighed = fan.map(|(p, q, r)| ((q - p).cross(r - p).z, (p + q + r) / 3.0));
+            let (area, sum) = weighed.fold((0.0, DVec3::ZERO), |(area, sum), (own, at)| (area + own, sum + own * at));
+            assert!((mean - sum / area).length() < 1e-3);
+        }
+        assert_eq!(Portions::new(&[[1. / 3.; 3]]).place(0, [0.0, 0.3]), [1.0, 0.0, 0.0]);
     }
 
     #[test]

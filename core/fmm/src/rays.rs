@@ -10,6 +10,8 @@ const GRAZING: f64 = 1e-12;
 /// Rays end so far beside their target along its surface, in units of the box: between points of regular meshes they would
 /// meet corners exactly, where embree lets some through.
 const ASIDE: f64 = 1e-5;
+/// So many in a unit of the box tell places apart.
+const STEPS: f64 = 1e6;
 /// What the way aside is square to, besides the normal.
 const ASKEW: DVec3 = DVec3::new(0.4159, 0.6328, 0.6532);
 
@@ -31,6 +33,12 @@ impl Frame {
         (DVec3::from(x) - DVec3::from(self.centre)) / self.scale + DVec3::from(n) * self.offset
     }
 
+    /// A number of a place, the same whatever else there is, and however far away and large the scene is.
+    pub fn number(&self, x: [f64; 3]) -> u64 {
+        let steps = (self.map(x, [0.0; 3]) * STEPS).round().as_i64vec3().to_array();
+        steps.into_iter().fold(0, |number, step| (number << 21) ^ step as u64)
+    }
+
     /// Where rays from a surface point with a unit normal start.
     pub fn start(&self, x: [f64; 3], n_x: [f64; 3]) -> [f32; 3] {
         self.map(x, n_x).as_vec3().into()
@@ -45,10 +53,18 @@ impl Frame {
         Ok(ends.map(|((&x, &n_x), (&y, &n_y))| self.ray(x, n_x, y, n_y)).collect())
     }
 
-    /// The ray from one lifted end to the other.
+    /// The ray from one lifted end to the other, or just beside it.
     pub fn ray(&self, x: [f64; 3], n_x: [f64; 3], y: [f64; 3], n_y: [f64; 3]) -> Ends {
-        let origin = self.map(x, n_x).as_vec3();
-        let end = self.map(y, n_y) + ASIDE * ASKEW.cross(DVec3::from(n_y));
+        self.ends(self.map(x, n_x), self.map(y, n_y) + ASIDE * ASKEW.cross(DVec3::from(n_y)))
+    }
+
+    /// The ray from one lifted end to the very other, which is no corner.
+    pub fn ray_to(&self, x: [f64; 3], n_x: [f64; 3], y: [f64; 3], n_y: [f64; 3]) -> Ends {
+        self.ends(self.map(x, n_x), self.map(y, n_y))
+    }
+
+    fn ends(&self, start: DVec3, end: DVec3) -> Ends {
+        let origin = start.as_vec3();
         // Subtracting the rounded origin makes the ray end where it should.
         (origin.into(), (end - origin.as_dvec3()).as_vec3().into())
     }

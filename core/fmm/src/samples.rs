@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Directions about axes, and points of triangles.
+//! Directions about axes, points of triangles, and what looks random.
 
 use crate::error::{Error, same_length};
 use glam::DVec3;
@@ -32,6 +32,19 @@ pub(crate) fn inside(triangle: [[f64; 3]; 3], numbers: [f64; 2]) -> DVec3 {
     let [a, b, c] = triangle.map(DVec3::from);
     let (root, other) = (numbers[0].sqrt(), numbers[1]);
     (1.0 - root) * a + root * ((1.0 - other) * b + other * c)
+}
+
+/// From 0 to 1.
+pub(crate) fn unit(random: u64) -> f64 {
+    (random >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// A number that looks random: splitmix64, Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014.
+pub(crate) fn hash(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ x >> 31
 }
 
 #[cfg(test)]

@@ -7,12 +7,15 @@
 //! the sources where these are emitters ([`crate::links`]), and over the hemisphere elsewhere ([`crate::gather`]).
 
 use crate::facing::{Facing, FacingTest};
+use crate::kernel;
 use crate::links::{Links, Run, Weights};
 use crate::lists::{ListsOptions, cells_between};
 use crate::medium::Medium;
 use crate::octree::{NO_BOX, Octree};
 use crate::octree_build::EMITTERS;
-use crate::rays::{Frame, facing};
+use crate::places::Places;
+use crate::rays::{Ends, Frame, facing};
+use crate::samples::{hash, unit};
 use crate::shaft::{Blockers, End};
 use crate::vector::{norm, sub};
 use crate::visible_lists::Linked;
@@ -27,6 +30,10 @@ const FEW_RAYS: f64 = 500.0;
 /// Runs of a leaf from which on not all are asked at first, and which share of them is.
 const MANY_RUNS: usize = 32;
 const STRIDE: u64 = 4;
+
+/// A place of a patch from which less than this share comes of what its source sends says nothing about that: it may
+/// be next to the horizon, and seen through a gap.
+const AS_MUCH: f64 = 0.5;
 
 /// How much is spent on visibility.
 #[derive(Debug, Clone, Copy)]
@@ -86,6 +93,14 @@ pub struct Rays {
     pub directions: Vec<[f32; 3]>,
 }
 
+impl Rays {
+    fn push(&mut self, slot: u64, (origin, direction): Ends) {
+        self.slots.push(slot);
+        self.origins.push(origin);
+        self.directions.push(direction);
+    }
+}
+
 /// The octrees and what is known of their points.
 pub struct View {
     pub targets: Arc<Octree>,
@@ -103,6 +118,7 @@ pub struct View {
     pub coarse: Vec<f64>,
     /// (B,): how far the surface that points of a source box stand for goes beyond them.
     pub margin: Vec<f64>,
+    pub places: Places,
     pub blockers: Blockers,
     pub medium: Medium,
     /// What ends the volumes that absorb.
@@ -207,8 +223,11 @@ impl Visibility {
                 let first = |place: &usize| (*place as u64 ^ turn).is_multiple_of(stride);
                 let draw = |place: usize| view.draw(links, links.run(leaf, place), i, turn);
                 let mut ask = |place: usize| {
-                    let slot = links.slot_at(leaf, row, place);
-                    if !view.push((i, draw(place)), slot, &mut rays) {
+                    let (pair, slot) = ((i, draw(place)), links.slot_at(leaf, row, place));
+                    // Of several sources another one is drawn for each point anyway.
+                    let alone = links.run(leaf, place).points.len() == 1;
+                    let face = if alone { View::push_within } else { View::push };
+                    if !face(view, pair, slot, &mut rays) {
                         links.clear(slot);
                     }
                 };
@@ -325,12 +344,23 @@ impl View {
         let face = self.face(i, j);
         if face {
             let (x, n_x) = (self.targets.positions[i], self.targets.normals[i]);
-            let (origin, direction) = self.frame.ray(x, n_x, self.sources.positions[j], self.sources.normals[j]);
-            rays.slots.push(slot);
-            rays.origins.push(origin);
-            rays.directions.push(direction);
+            rays.push(slot, self.frame.ray(x, n_x, self.sources.positions[j], self.sources.normals[j]));
         }
         face
+    }
+
+    /// The same to a random place of what the source stands for, if as much comes from there as the source sends.
+    fn push_within(&self, (i, j): (usize, usize), slot: u64, rays: &mut Rays) -> bool {
+        let [own, other] = [self.targets.positions[i], self.sources.positions[j]].map(|x| self.frame.number(x));
+        let random = hash(hash(own) ^ other);
+        let Some(place) = self.places.at(&self.sources, j, random) else { return self.push((i, j), slot, rays) };
+        let (x, n_x, n_y) = (self.targets.positions[i], self.targets.normals[i], self.sources.normals[j]);
+        let [there, here] = [place, self.sources.positions[j]].map(|y| kernel(x, n_x, y, n_y, self.softening[j]));
+        if there <= AS_MUCH * here || !self.face(i, j) {
+            return self.push((i, j), slot, rays);
+        }
+        rays.push(slot, self.frame.ray_to(x, n_x, place, n_y));
+        true
     }
 
     /// Distance between the bounding boxes of two boxes, scene units.
@@ -357,17 +387,4 @@ impl View {
     fn size(&self, s: usize) -> f64 {
         sub(self.sources.high[s], self.sources.low[s]).into_iter().fold(0.0, f64::max)
     }
-}
-
-/// From 0 to 1.
-fn unit(random: u64) -> f64 {
-    (random >> 11) as f64 / (1u64 << 53) as f64
-}
-
-/// A number that looks random: splitmix64, Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014.
-pub(crate) fn hash(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ x >> 31
 }

@@ -88,6 +88,7 @@ class Fmm:
     def occlude(
         self,
         sources: list[NDArray[np.float64]],
+        patches: tuple[NDArray[np.float64], NDArray[np.float64]],
         frame: tuple[tuple[float, float, float], float, float],
         effort: tuple[float, float, float, float, int],
     ) -> None: ...

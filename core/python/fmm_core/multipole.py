@@ -148,8 +148,8 @@ class MultipoleSpace:
             return False
         tick(0.2)
         weights, radii = particles.visibility_weights, particles.of_points(particles.radii)
-        effort = _effort(rays)
-        occlusion.occlude(fmm, (particles.weights, weights, self.sums.reach, self.sums.coarse, radii), effort)
+        effort, known = _effort(rays), (particles.weights, weights, self.sums.reach, self.sums.coarse, radii)
+        occlusion.occlude(fmm, known, (particles.patches, particles.rule), effort)
         occlusion.trace(fmm, self.sums.surface, points, effort[-1], tick)
         return True
 

@@ -249,14 +249,15 @@ class Occlusion:
         self,
         fmm: _binding.Fmm,
         sources: tuple[NDArray[np.float64], ...],
+        patches: tuple[NDArray[np.float64], NDArray[np.float64]],
         effort: tuple[float, float, float, float, int],
     ) -> None:
         """Makes the visible lists of a fast multipole sum among the triangles (section 5 of the paper).
 
-        sources: areas, weights, reach, coarse and radii (N,) as `Occluded` of the core has them; effort as its
-        `VisibilityOptions`.
+        sources: areas, weights, reach, coarse and radii (N,) as `Occluded` of the core has them; patches (P, 3, 3) of
+        the sources, and where these are on each; effort as its `VisibilityOptions`.
         """
-        fmm.occlude(list(sources), self.frame, effort)
+        fmm.occlude(list(sources), patches, self.frame, effort)
 
     def trace(
         self,
