@@ -131,7 +131,9 @@ def many_rays(solution: Solution, points: Points) -> Array:
     """The same by very many rays over the hemisphere, which see what is left of a patch that another object cuts."""
     reference = Reference(solution.scene, solution._space.sums)
     nothing = 0 * solution.radiosity
-    return reference.irradiance(*points, solution.radiosity, nothing, nothing, TRUTH_RAYS, 0)[0]
+    counts = np.full(len(points[0]), TRUTH_RAYS)
+    (found, _), _ = reference.irradiance(*points, solution.radiosity, nothing, nothing, counts, 0)
+    return found
 
 
 def compare(

@@ -269,6 +269,10 @@ def test_points_may_have_different_numbers_of_rays():
     assert (unlike[counts == 1] == 0).all()
 
 
+def test_no_points_have_no_estimates():
+    assert solved(probes=0).estimates(np.zeros((0, 3)), np.zeros((0, 3)), 64, 1000).shape == (2, 0, 3)
+
+
 def test_more_rays_go_on_where_single_ones_differ_more():
     counts = accuracy.shared(np.array([1.0, 4.0, 1.0, 4.0]), 300)
     assert counts.tolist() == [200, 400, 200, 400]

@@ -37,7 +37,7 @@ FOLLOWED, FOLLOWED_ON = 1.5, 2.9
 #: Rays of the second estimate for each of the first, at most.
 UNLIKE = 2.0
 #: Rays of a probe in the second estimate, as shares of the mean, at least and at most.
-SHARED = 0.4, 4.0
+FEWEST_SHARED, MOST_SHARED = 0.4, 4.0
 #: Samples that tell what the radiosity lacks at a place: where patches have fewer, neighbours are taken together.
 TOGETHER = 32
 #: Rays of a probe that tell enough: where there are more, probes are more, and elsewhere fewer, down to so many.
@@ -218,7 +218,7 @@ class Judge:
 def shared(unlike: Points, rays: float) -> NDArray[np.int64]:
     """(M,) rays of each point, so many on average, where single rays of another estimate have such variances (M,)."""
     wanted = np.sqrt(unlike)
-    wanted = np.clip(wanted / max(wanted.mean(), np.finfo(float).tiny), *SHARED)
+    wanted = np.clip(wanted / max(wanted.mean(), np.finfo(float).tiny), FEWEST_SHARED, MOST_SHARED)
     return np.maximum(1, np.round(rays * wanted / wanted.mean())).astype(np.int64)
 
 

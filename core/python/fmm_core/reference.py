@@ -282,9 +282,9 @@ def _bounds(rays: NDArray[np.int64]) -> NDArray[np.int64]:
     """Of points with so many rays (M,) each the first ones of blocks of about as many rays, the same on all machines,
     and the end.
     """
-    ends = np.cumsum(rays)
-    blocks = SHARED * math.ceil(ends[-1] / (SHARED * RAYS_PER_BLOCK))
-    inner = np.searchsorted(ends, np.arange(1, blocks) * (ends[-1] / blocks), side="right")
+    ends, count = np.cumsum(rays), rays.sum()
+    blocks = SHARED * math.ceil(count / (SHARED * RAYS_PER_BLOCK))
+    inner = np.searchsorted(ends, np.arange(1, blocks) * (count / max(1, blocks)), side="right")
     return np.unique(np.concatenate([[0], inner, [len(rays)]]))
 
 
