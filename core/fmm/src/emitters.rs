@@ -148,8 +148,11 @@ impl Emitters {
             let (y, n_y) = (inside(self.patches.triangles[number], [u, v]).into(), self.patches.normals[number]);
             let over = self.over(from, i, number, y, n_y);
             let share = self.opacity[number] / (over + over.recip());
-            let ends = frame.ray(from.points[i], from.normals[i], y, n_y);
-            (share > 0.0).then(|| Aimed { point: i as u32, ends, light: self.emission[number].map(|e| share * e) })
+            (share > 0.0).then(|| Aimed {
+                point: i as u32,
+                ends: frame.ray(from.points[i], from.normals[i], y, n_y),
+                light: self.emission[number].map(|e| share * e),
+            })
         };
         Ok(numbers.iter().enumerate().filter_map(one).collect())
     }
@@ -207,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_that_is_as_likely_by_either_counts_half() {
+    fn what_both_kinds_of_rays_find_is_shared_by_the_power_heuristic() {
         let frame = Frame { centre: [0.0; 3], scale: 2.0, offset: 0.0 };
         let one = emitters(&[[1.0, 0.0, 2.0]], [10.0, 20.0, 0.0]);
         let (points, normals) = ([[0.0; 3]; 2], [UP, DOWN]);

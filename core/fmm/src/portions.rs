@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The part of a patch that each of its points stands for: what is nearer to it than to any other of them.
 
+use crate::samples::inside;
 use glam::DVec3;
 
 /// How many corners a part may have.
@@ -41,8 +42,7 @@ impl Portions {
         for (k, triangle) in fan().enumerate() {
             let own = size(triangle);
             if left < own || k == last {
-                let (root, [a, b, c]) = ((left / own).min(1.0).sqrt(), triangle);
-                return [0, 1, 2].map(|i| (1.0 - root) * a[i] + root * ((1.0 - v) * b[i] + v * c[i]));
+                return inside(triangle, [(left / own).min(1.0), v]).into();
             }
             left -= own;
         }
