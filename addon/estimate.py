@@ -66,7 +66,7 @@ def predict(vertices: int, coloured: int, settings: fmm_core.Settings, fitted: b
     triangles, cores = 2 * vertices, os.cpu_count() or 1
     particles = settings.particles or _MADE * min(max(_PARTICLES[0], triangles), _PARTICLES[1])
     samples = min(_SAMPLES * coloured, _MOST_SAMPLES) if fitted else _COLOURS * coloured
-    if settings.method != "fmm" and max(settings.particles or _PARTICLES[0], triangles) <= _FEW:
+    if settings.method != "fmm" and max(particles, triangles) <= _FEW:
         # Half of all pairs face each other, and of two particles one asks for both.
         rays = particles * samples / 2 + particles**2 / 4
     else:

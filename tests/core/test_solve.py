@@ -7,6 +7,8 @@ import fmm_core
 import numpy as np
 import pytest
 import shapes
+from fmm_core.particles import make_particles
+from fmm_core.solver import FEW_PARTICLES
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -260,6 +262,19 @@ def test_more_particles_than_memory_can_pair_are_refused_in_one_line():
     room = fmm_core.Scene([*CUBE, *(0.5 * CUBE[:, ::-1] + 0.2)], 0.5, 1.0)
     with pytest.raises(fmm_core.Error, match=r"particles: the direct method with \d+ of them takes \d+ GiB"):
         fmm_core.solve(room, fmm_core.Settings(method="direct", particles=2_000_000))
+
+
+@pytest.mark.parametrize("posts", [0, 5])
+def test_many_particles_are_not_solved_directly_where_few_triangles_are_cut_into_them(posts):
+    # Feet of posts cut a floor up.
+    post = shapes.room((0.02, 0.02, 0.8))[:, ::-1]
+    places = [(x, y, 0.0) for x in np.linspace(0.1, 0.9, 5) for y in np.linspace(0.1, 0.9, posts)]
+    triangles = np.concatenate([shapes.subdivided_room(16), *(post + place for place in places)])
+    scene = fmm_core.Scene(triangles, 0.5, np.where(np.arange(len(triangles)) == 0, 1.0, 0.0))
+    assert len(triangles) < FEW_PARTICLES
+    solution = fmm_core.solve(scene, fmm_core.Settings(rays=20, probes=0))
+    assert (solution.grouping is None) == (posts == 0)
+    assert (len(make_particles(scene, len(triangles), 1)) <= FEW_PARTICLES) == (posts == 0)
 
 
 @pytest.mark.parametrize("arguments", [(None,), (CUBE,), ("scene", {})])

@@ -74,13 +74,10 @@ def _solve(
         occlusion = Occlusion(scene, kept) if effects["occlusion"].used or scene.absorbs else None
     with report.time("tree"):
         count = settings.particles or min(max(AUTOMATIC_PARTICLES, triangles), MOST_AUTOMATIC)
-        few = settings.method is None and settings.visibility != "cells" and max(count, triangles) <= FEW_PARTICLES
-        # The direct method goes through the meshes that absorb for each pair, again and again.
-        few &= not scene.volumes
-        multipole = settings.method != "direct" and not few
         degree = settings.quadrature or (2 if triangles < count else 1)
-        buried = occlusion.buried if occlusion and multipole and settings.visibility == "rays" else None
         first = scene if kept is None else kept.first(scene)
+        multipole = settings.method != "direct" and not _few(first, settings, count, degree)
+        buried = occlusion.buried if occlusion and multipole and settings.visibility == "rays" else None
         particles = make_particles(first, count, degree, buried)
         if kept is not None and not serve(particles, first, scene):
             first, particles = scene, make_particles(scene, count, degree, buried)
@@ -97,3 +94,13 @@ def _solve(
     report.counts["rays"], report.kept = sums.rays, sums.replayed > 0
     used = replace(settings, particles=count)
     return Solution(whole, scene, asked, used, exchange, radiosity, report, kept, first)
+
+
+def _few(scene: Scene, settings: Settings, count: int, degree: int) -> bool:
+    """Whether the direct method is chosen where the settings leave the method open."""
+    # It goes through the meshes that absorb for each pair, again and again.
+    if settings.method is not None or settings.visibility == "cells" or scene.volumes:
+        return False
+    least = max(count, len(scene.triangles))
+    # Strong emitters and contacts are cut finer than was asked for.
+    return least <= FEW_PARTICLES and len(make_particles(scene, count, degree)) <= FEW_PARTICLES
