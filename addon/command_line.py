@@ -55,8 +55,9 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     except fmm_core.Error as error:
         raise UsageError(str(error)) from None
     if options.command == "study":
-        if not all(1 <= count <= _MOST_SAMPLES for count in options.cycles or ()):
-            raise UsageError(f"--cycles: expected numbers of samples from 1 to {_MOST_SAMPLES}")
+        wrong = [count for count in options.cycles or () if not 1 <= count <= _MOST_SAMPLES]
+        if wrong:
+            raise UsageError(f"--cycles: expected numbers of samples from 1 to {_MOST_SAMPLES}, got {wrong[0]}")
         return options
     if options.frames is not None and (options.preview is not None or options.keep_visibility):
         raise UsageError("--frames: --preview and --keep-visibility are of one frame")
@@ -130,7 +131,8 @@ def _parser() -> _Parser:
     add(
         "--probes",
         type=int,
-        help="random points to measure the error at, 0 for none (default: 300, or as in the scene)",
+        help="random points to measure the error at, 0 for none (default: 300 to 1,000, or as in the scene); a target "
+        "error measures in any case",
     )
     effects = ", ".join(fmm_core.EFFECTS)
     add("--without", action="append", default=[], metavar="EFFECT", help=f"leave an effect out: {effects}")

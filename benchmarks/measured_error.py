@@ -21,7 +21,7 @@ import numpy as np
 from common import Array, Row, print_table, write_json
 from common import parser as base_parser
 from cycles_bake import Mesh
-from fmm_core import Scene, Settings, solve
+from fmm_core import Scene, Settings, SunLight, solve
 from scenes import block, clutter, clutter_mesh, cornell, cornell_mesh, quad, sphere, subdivided
 
 import examples
@@ -114,6 +114,24 @@ def many_lamps() -> tuple[Scene, Points]:
     return in_triangles(triangles, albedo, np.where(np.arange(len(triangles)) < keep.sum(), 0.0, 100.0))
 
 
+def sunny_room(window: bool) -> tuple[Scene, Points]:
+    """The room with two blocks and a sun that shines in at its open side, or through a window there."""
+    triangles, albedo, emission = cornell()
+    triangles, albedo = triangles[emission == 0], albedo[emission == 0]
+    if window:
+        # Around the window from 0.3 to 0.55 along x and from 0.5 to 0.75 along z.
+        parts = ((0.0, 0.3, 0.0, 1.0), (0.55, 1.0, 0.0, 1.0), (0.3, 0.55, 0.0, 0.5), (0.3, 0.55, 0.75, 1.0))
+        front = [
+            triangle
+            for x, right, z, top in parts
+            for triangle in quad(*np.array([[x, 0, z], [x, 0, top], [right, 0, top], [right, 0, z]], float))
+        ]
+        triangles = np.concatenate([triangles, np.array(front)])
+        albedo = np.concatenate([albedo, np.full((len(front), 3), 0.73)])
+    sun = SunLight((0.2, 0.8, -0.5), 5.0, 0.01)
+    return Scene(triangles, albedo, lights=[sun]), scattered(triangles)
+
+
 def columns() -> tuple[Scene, Points]:
     """A room full of thin columns, lit by a bright wall."""
     triangles, albedo, _ = (values[:10] for values in cornell())
@@ -143,6 +161,8 @@ CASES = (
     Case("balls, p = 0", spheres, {"truncation": 0}),
     Case("sixteen lamps", many_lamps),
     Case("columns", columns),
+    Case("sun", partial(sunny_room, False)),
+    Case("window", partial(sunny_room, True)),
     *(Case(name.replace("_", " "), partial(examples.example, name)) for name in examples.NAMES),
 )
 #: The scene of a short run, and the share of the rays that the truth is found with there.

@@ -18,6 +18,12 @@ ABOVE = ANYWHERE[0][:, 2] > 0.05
 POINTS = ANYWHERE[0][ABOVE], ANYWHERE[1][ABOVE]
 
 
+def reference_of(solution):
+    """What judges a solution."""
+    lit, left = solution._exchange.lit, solution._planned
+    return Reference(left, solution._space.sums, lit, solution._exchange.direct(left))
+
+
 def solved(scene=SCENE, **options):
     return fmm_core.solve(scene, fmm_core.Settings(**({"particles": 3000, "method": "fmm"} | options)))
 
@@ -103,7 +109,7 @@ def test_shadows_left_out_count_as_error():
 
 def scatter(solution, place, normal):
     """Standard deviation of the light that 256 rays find at one place, as a share of it."""
-    reference, nothing = Reference(solution.scene, solution._space.sums), np.zeros_like(solution.radiosity)
+    reference, nothing = reference_of(solution), np.zeros_like(solution.radiosity)
     given = np.array([place]), np.array([normal]), solution.radiosity, nothing, nothing
     found = [reference.irradiance(*given, np.array([256]), seed)[0][0, 0, 0] for seed in range(30)]
     return np.std(found) / np.mean(found)
@@ -128,7 +134,7 @@ def test_what_is_measured_by_one_of_many_lamps_is_as_even_as_elsewhere():
 
 def test_what_few_places_near_probes_send_is_told_by_several_rays_each():
     solution = solved(room_of_lamps(), particles=20_000, probes=0)
-    reference, nothing = Reference(solution.scene, solution._space.sums), np.zeros_like(solution.radiosity)
+    reference, nothing = reference_of(solution), np.zeros_like(solution.radiosity)
     # In a corner that lamps light, among others that see little as near.
     points, normals = shapes.random_points(shapes.room(), 10)
     given = np.vstack([[0.99, 0.93, 1.0], points]), np.vstack([[0.0, 0.0, -1.0], normals])
@@ -200,7 +206,7 @@ def test_a_bake_is_measured_by_as_many_rays_as_a_quarter_of_it_pays_for(monkeypa
 def test_residuals_of_a_furnace_are_what_is_missing_everywhere(particles, quadrature):
     room = fmm_core.Scene(shapes.room(), 0.5, 1.0)
     solution = solved(room, method="direct", particles=particles, quadrature=quadrature, probes=0)
-    reference = Reference(solution.scene, solution._space.sums)
+    reference = reference_of(solution)
     for radiosity, missing in ((2.0, 0.0), (1.0, 0.5)):
         residual = reference.residual(np.full_like(solution.radiosity, radiosity), 4, 0)
         assert residual == pytest.approx(np.full_like(residual, missing))
@@ -212,7 +218,7 @@ def test_residuals_of_a_furnace_are_what_is_missing_everywhere(particles, quadra
 
 def test_places_of_a_patch_are_even_over_it():
     solution = solved(quadrature=1, probes=0)
-    places, patches = Reference(solution.scene, solution._space.sums)._places, solution.particles.patches
+    places, patches = reference_of(solution)._places, solution.particles.patches
     _, points, _ = places.random(slice(0, len(patches)), 64, np.random.default_rng(0))
     corners = patches - patches.mean(axis=1, keepdims=True)
     apart = points.reshape(-1, 64, 3) - patches.mean(axis=1, keepdims=True)
@@ -246,7 +252,7 @@ def test_places_of_a_group_are_on_all_of_its_triangles():
     scene = fmm_core.Scene(np.concatenate([sheet, lamp]), 0.5, np.append(np.zeros(len(sheet)), [1.0, 1.0]), True)
     solution = solved(scene, particles=100, quadrature=1, probes=0, effects={"occlusion": True})
     assert not solution.particles.whole.all()
-    places = Reference(solution.scene, solution._space.sums)._places
+    places = reference_of(solution)._places
     assert solution.report["counts"]["particles"] < len(sheet) / 2
     triangles, points, normals = places.random(slice(0, len(solution.particles.patches)), 50, np.random.default_rng(0))
     assert (np.bincount(triangles, minlength=len(sheet))[: len(sheet)] > 0).mean() > 0.99
@@ -258,7 +264,7 @@ def test_places_of_a_group_are_on_all_of_its_triangles():
 
 def test_points_may_have_different_numbers_of_rays():
     solution = solved(probes=0)
-    reference, nothing = Reference(solution.scene, solution._space.sums), np.zeros_like(solution.radiosity)
+    reference, nothing = reference_of(solution), np.zeros_like(solution.radiosity)
     given = *(part[:8] for part in POINTS), solution.radiosity, nothing, nothing
     counts = np.array([1, 2048, 3, 1024, 64, 2048, 1, 1024])
     (found, _), unlike = reference.irradiance(*given, counts, 0)

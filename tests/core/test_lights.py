@@ -227,6 +227,33 @@ def test_a_lamp_near_a_wall_sends_on_all_its_light_however_small_its_spot(distan
     assert (solution.particles.weights * solution.radiosity[:, 0]).sum() == pytest.approx(1.0, rel=0.02)
 
 
+@pytest.mark.parametrize("size", [0.2, 0.08])
+@pytest.mark.parametrize("particles", [None, 3000])
+@pytest.mark.parametrize("angle", [0.0, 0.01])
+def test_what_comes_in_at_a_window_is_what_arrives(size, particles, angle):
+    low, high = 0.5 - size / 2, 0.5 + size / 2
+    parts = [(0, low, 0, 1), (high, 1, 0, 1), (low, high, 0, low), (low, high, high, 1)]
+    wall = [shapes.quad([1, y, z], [1, y, top], [1, right, top], [1, right, z]) for y, right, z, top in parts]
+    room = shapes.room()
+    room = np.concatenate([room[~(room[:, :, 0] == 1).all(axis=1)], *wall])
+    sun = SunLight((-0.7, 0.07, -0.6), 10.0, angle)
+    solution = solve(room, 0.5, fmm_core.Settings(method="fmm", particles=particles, probes=0), lights=[sun])
+    # Away from the window, whose rim takes some of what comes askew.
+    particles, inside = solution.particles, solution.particles.positions[:, 0] < 0.99
+    arrived = (particles.weights * solution._exchange.direct(solution._planned)[:, 0])[inside].sum()
+    assert 0.98 < arrived / (-10.0 * sun.direction[0] * size**2) < 1.005
+
+
+@pytest.mark.parametrize("angle", [0.1, 0.3])
+def test_a_cone_that_is_narrower_than_a_patch_sends_on_all_its_light(angle):
+    room = shapes.room((4, 4, 3)) - [2, 2, 0]
+    lamp = SpotLight((0.31, 0.23, 2.5), 1.0, angle=angle, blend=0.0)
+    solution = solve(room, 0.5, fmm_core.Settings(particles=1500, probes=0), lights=[lamp])
+    # Radiosity at an albedo of 0.5 is what was absorbed.
+    absorbed = (solution.particles.weights * solution.radiosity[:, 0]).sum()
+    assert absorbed == pytest.approx(2 * np.pi * (1 - np.cos(angle / 2)), rel=0.02)
+
+
 def test_nothing_of_a_black_picture_stands_out():
     assert Sky(np.zeros((8, 16, 3))).bright is None
 
@@ -285,8 +312,14 @@ def test_a_lamp_that_moves_traces_its_own_rays_only():
     moved = [*LAMPS[1:], PointLight((0.3, 0.3, 1.5), 1.0)]
     after = before.relight(lights=moved)
     found = after.irradiance(*points)
-    assert 0 < after.report["counts"]["rays"] <= len(points[0]) + len(before.particles)
     fresh = solve(BLOCK, 0.5, lights=moved, sky=Sky(1.0))
+    fresh.irradiance(*points)
+    only = solve(BLOCK, 0.5, lights=moved[-1:])
+    only.irradiance(*points)
+    dark = solve(BLOCK, 0.5, emission=1.0)
+    dark.irradiance(*points)
+    of_lamp = only.report["counts"]["rays"] - dark.report["counts"]["rays"]
+    assert after.report["counts"]["rays"] == of_lamp < fresh.report["counts"]["rays"] / 2
     assert found == pytest.approx(fresh.irradiance(*points), rel=1e-3)
 
 

@@ -7,7 +7,7 @@ import pytest
 import shapes
 from fmm_core import AreaLight, PointLight, Sky, SunLight, Volume, reference
 from fmm_core.effects import plan
-from fmm_core.reference import Reference
+from test_accuracy import reference_of
 from test_visibility import ALBEDO, EMISSION, TWO_BLOCKS
 
 MEDIUM = np.array([0.0, 0.5, 2.0])
@@ -109,10 +109,10 @@ def test_light_that_a_judge_follows_further_loses_what_all_ways_take(places, mon
     """What the surfaces lack is what they reflect, once as it is told, and once as rays go on to find it."""
     room, albedo = shapes.subdivided_room(4), 0.6
     scene = fmm_core.Scene(room, albedo, 1.0, medium=MEDIUM)
-    space = fmm_core.solve(scene, fmm_core.Settings(method="direct", particles=len(room), probes=0))._space
+    solution = fmm_core.solve(scene, fmm_core.Settings(method="direct", particles=len(room), probes=0))
     monkeypatch.setattr(reference, "NEAR", np.inf)
     monkeypatch.setattr(reference, "PLACES", 0)
-    judge, particles = Reference(scene, space.sums), space.sums.particles
+    judge, particles = reference_of(solution), solution.particles
     shining, nothing = np.ones((len(particles), 3)), np.zeros((len(particles), 3))
     reflected, last = nothing, shining
     for _ in range(places):

@@ -81,6 +81,16 @@ def test_what_is_raised_is_what_the_error_comes_from():
     assert stuck.rays == used.rays
 
 
+def test_particles_are_no_cure_for_few_rays_that_are_given():
+    asked = fmm_core.Settings(target_error=0.01, rays=30)
+    used = asked.begin()
+    finer = better(asked, used, last(0.0272, 0.027, rays=30), None)
+    assert finer == replace(used, truncation=used.truncation + 1)
+    assert better(asked, finer, last(0.0271, 0.027, rays=30), last(0.0272, 0.027, rays=30)) == finer
+    coarse = better(asked, finer, last(0.1, 0.1, rays=30), last(0.1, 0.1, rays=30))
+    assert coarse.particles > 2000
+
+
 def test_nothing_is_left_to_raise_where_rays_do_not_help_and_particles_are_as_many_as_may_be():
     asked = fmm_core.Settings(target_error=0.01)
     most = replace(asked.begin(), particles=MOST_PARTICLES)

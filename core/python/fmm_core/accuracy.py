@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from . import _binding
 from .arrays import weighed
+from .direct_light import Receivers
 from .multipole import MultipoleSpace
 from .progress import Tick, silent
 from .reference import Reference
@@ -53,7 +54,9 @@ class Solved:
     """What is measured: a scene, the operators and the radiosity (N, 3) that solve it.
 
     exchange None where nothing is reflected
-    direct   (N, 3) irradiance of the particles from lamps and sky; what is wrong with it is not measured
+    lit      the particles, as lamps and sky shine on them
+    direct   (N, 3) irradiance of the particles from there; what is wrong with that from the sky is not measured, nor of
+             lamps where nothing was found that divides a patch
     lamps    the same at any points with normals (M, 3), exact
     """
 
@@ -61,6 +64,7 @@ class Solved:
     space: Space
     exchange: Operator | None
     radiosity: Points
+    lit: Receivers
     direct: Points
     lamps: Callable[[Points, Points], Points]
 
@@ -154,7 +158,7 @@ class Judge:
 
     def __init__(self, solved: Solved, clock: Callable[[], float] = time.perf_counter) -> None:
         self._solved, self._clock, self._spent, self._seeds = solved, clock, 0.0, itertools.count()
-        self._reference = Reference(solved.scene, solved.space.sums)
+        self._reference = Reference(solved.scene, solved.space.sums, solved.lit, solved.direct)
         self._samples, self._residuals = 0, np.zeros((2, *solved.radiosity.shape))
 
     @property

@@ -12,6 +12,7 @@ from .lamp import Samples
 from .lights import Light, SunLight
 from .medium import left
 from .particles import Particles
+from .patch_lamps import PatchLamps, sent
 from .progress import Tick, silent
 from .scene import Scene
 from .sky import Bright, Sky
@@ -56,7 +57,9 @@ class Receivers:
         """
         self.points, self.normals, self._particles = points, normals, particles
         self._occlusion, self._rays = occlusion, max(1, round(rays))
+        self._patches = None if particles is None else PatchLamps(particles, occlusion, rays)
         self._lamps: dict[object, NDArray[np.float32]] = {}
+        self._partly: dict[object, NDArray[np.bool_]] = {}
         self._sky: NDArray[np.uint8] | None = None
         self._bright: tuple[Bright, NDArray[np.uint8]] | None = None
 
@@ -80,14 +83,40 @@ class Receivers:
             found += self._from_sky(sky, medium, part(len(lights)))
         wanted = {light.geometry for light in lights}
         self._lamps = {geometry: lamp for geometry, lamp in self._lamps.items() if geometry in wanted}
+        self._partly = {geometry: partly for geometry, partly in self._partly.items() if geometry in wanted}
         return found
+
+    def unlike(
+        self, scene: Scene, of: NDArray[np.int64], places: Points, normals: Points, rng: np.random.Generator,
+        occlusion: Occlusion,
+    ) -> tuple[Points, int]:  # fmt: skip
+        """How much more (K, 3) lamps send to places (K, 3) with normals (K, 3) than to the particles (K,) there, noisy
+        but right on average; and the rays that were traced, to be called by what `run_blocks` runs.
+        """
+        found, asked = np.zeros_like(places), 0
+        for light in scene.lights if scene.what_absorbs().is_clear else ():
+            if light.geometry not in self._partly:
+                continue
+            at = np.flatnonzero(self._partly[light.geometry][of])
+            x, n = places[at], normals[at]
+            _, passed, rays = sent(light, x, n, 1, rng, occlusion if light.shadows else None)
+            there = light.without_cone.unshadowed(x, n) * passed[:, 0]
+            found[at] += (there - self._lamps[light.geometry][of[at]])[:, None] * light.colour
+            asked += rays
+        return found, asked
 
     def _from_lamp(self, light: Light, tick: Tick) -> NDArray[np.float32]:
         """(M,) irradiance for a power of 1."""
         if light.geometry not in self._lamps:
-            unshadowed = self._unshadowed(light)
-            rows = np.flatnonzero(unshadowed > 0)
-            unshadowed[rows] *= self._seen(light, rows, tick)
+            if self._patches is None:
+                unshadowed = light.unshadowed(self.points, self.normals)
+                rows = np.flatnonzero(unshadowed > 0)
+                unshadowed[rows] *= self._seen(light, rows, tick)
+            else:
+                unshadowed = self._unshadowed(light.without_cone)
+                shares, partly = self._patches.shares(light, self._shadowed(light, self.points), tick)
+                unshadowed *= self._particles.of_points(shares)
+                self._partly[light.geometry] = self._particles.of_points(partly)
             self._lamps[light.geometry] = unshadowed.astype(np.float32)
         return self._lamps[light.geometry]
 
@@ -112,11 +141,10 @@ class Receivers:
         return found
 
     def _unshadowed(self, light: Light) -> Points:
-        """(M,) irradiance for a power of 1 with nothing in the way."""
-        found = light.unshadowed(self.points, self.normals)
-        if self._particles is None or isinstance(light, SunLight):
+        """(M,) irradiance of particles for a power of 1 with nothing in the way, over the patch of each."""
+        found, particles = light.unshadowed(self.points, self.normals), self._particles
+        if isinstance(light, SunLight):
             return found
-        particles = self._particles
         middles = particles.patches.mean(axis=1)
         distances = np.linalg.norm(middles - light.position, axis=1)
         near = np.flatnonzero((distances < NEAR * particles.radii) & particles.whole)
@@ -131,10 +159,7 @@ class Receivers:
     def _seen(self, light: Light, rows: NDArray[np.int64], tick: Tick) -> Points:
         """(R,) the share of a lamp's light that gets to some of the receivers."""
         seen, through = np.ones(len(rows)), np.ones(len(rows))
-        shadows = light.shadows and self._occlusion is not None and len(rows) > 0
-        if shadows:
-            planes = Planes(self._occlusion.shading.triangles, self._occlusion.size, self.points[rows])
-            shadows = not planes.nothing_between(*light.extent)
+        shadows = self._shadowed(light, self.points[rows])
         partly, again = np.zeros((2, len(rows)), bool)
 
         def first(block: slice) -> int:
@@ -160,6 +185,13 @@ class Receivers:
         self._run(first, len(rows), 1 if light.is_small else RIM + INSIDE, tick)
         self._run(second, np.count_nonzero(again), self._rays_to(light), tick)
         return seen
+
+    def _shadowed(self, light: Light, points: Points) -> bool:
+        """Whether anything can be between a lamp and points."""
+        if not light.shadows or self._occlusion is None or len(points) == 0:
+            return False
+        planes = Planes(self._occlusion.shading.triangles, self._occlusion.size, points)
+        return not planes.nothing_between(*light.extent)
 
     def _rays_to(self, light: Light) -> int:
         """How many go to a lamp from a penumbra: a narrow cone holds many of them back."""

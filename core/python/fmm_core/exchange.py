@@ -21,13 +21,14 @@ class Exchange:
 
     space      makes sums over the particles
     operator   what they send to each other, once it was needed
+    lit        the particles, as lamps and sky shine on them
     """
 
     def __init__(self, space: Space, settings: Settings) -> None:
         self.space, self._settings = space, settings
         self.operator: Operator | None = None
         self._last: Solved | None = None
-        self._lit = self._receivers()
+        self.lit = self._receivers()
 
     def use(self, settings: Settings) -> None:
         """Gathers with other settings from now on; what the particles send to each other stays."""
@@ -40,7 +41,7 @@ class Exchange:
         if self.space.sums.occlusion is not None:
             return False
         self.space.sums.occlusion = Occlusion(scene, kept)
-        self._lit = self._receivers()
+        self.lit = self._receivers()
         return True
 
     def radiosity(self, scene: Scene, report: Report, progress: Progress | None) -> NDArray[np.float64]:
@@ -63,13 +64,13 @@ class Exchange:
         """Irradiance (N, 3) of the particles for their radiosity (N, C), lamps and sky, W/m^2."""
         if self.operator is None:
             self._make(report, None)
-        return np.maximum(self.operator.apply(radiosity), 0.0) + self._lit.irradiance(scene)
+        return np.maximum(self.operator.apply(radiosity), 0.0) + self.lit.irradiance(scene)
 
     def direct(self, scene: Scene, tick: Tick = silent) -> NDArray[np.float64]:
         """Irradiance (N, 3) of the particles from lamps and sky, as far as they reflect it."""
         if not scene.albedo.any():
             return np.zeros((len(self.space.sums.particles), 3))
-        return self._lit.irradiance(scene, tick)
+        return self.lit.irradiance(scene, tick)
 
     def _make(self, report: Report, progress: Progress | None) -> None:
         space, tick = self.space, ticker(progress, 0.0, 0.7, "Preparing the exchange")

@@ -63,9 +63,7 @@ def gmres(
     stalled = False
     while (remaining := _remaining(_largest(residual, radiosity), ratio)) > settings.tolerance:
         if count + 2 > settings.max_iterations:
-            report.warnings.append(
-                f"iteration stopped after {count} steps with {remaining:.2g} of the light still to come"
-            )
+            report.stopped_short(count, remaining)
             break
         scale, before = _brightness(radiosity), _largest(residual, radiosity)
         if stalled:

@@ -68,6 +68,15 @@ class Lamp:
         """Whether `samples` takes a pattern of a disc, or else of a square."""
         return True
 
+    @property
+    def without_cone(self) -> "Lamp":
+        """The same lamp where nothing but the way it looks keeps light back, if it has a cone."""
+        return self
+
+    def scale(self, points: Points) -> Points:
+        """(M,) what the weights of `samples` are to be multiplied by, to compare those of different receivers."""
+        return np.ones(len(points))
+
     def moved(self, step: Points) -> "Lamp":
         """The same lamp elsewhere."""
         return replace(self, position=np.asarray(self.position) + step)

@@ -73,6 +73,10 @@ class PointLight(Lamp):
         weights = np.maximum(np.einsum("mkx,mx->mk", directions, normals), 0.0)
         return Samples(directions, lengths, weights, self._cone(directions))
 
+    def scale(self, points: Points) -> Points:
+        distances = self._towards(points)[1]
+        return 1 / distances**2 if self.is_small else self._sine_squared(distances)
+
     def _towards(self, points: Points) -> tuple[Points, Points]:
         to = np.asarray(self.position) - points
         distances = np.maximum(np.linalg.norm(to, axis=1), 1e-30)
@@ -109,6 +113,10 @@ class SpotLight(PointLight):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._check(direction="direction", angle="whole angle", blend="share")
+
+    @property
+    def without_cone(self) -> PointLight:
+        return PointLight(self.position, self.intensity, self.radius, self.disc, self.shadows)
 
     def unshadowed(self, points: Points, normals: Points) -> Points:
         """As that of a `PointLight`, where any of it may be in the cone, which `samples` tells."""
@@ -245,6 +253,10 @@ class AreaLight(Lamp):
         lit = (points - np.asarray(self.position)) @ self._normal > 0
         lit &= np.ptp(at, axis=1).min(axis=1) > 0
         return np.where(lit, polygon(points, normals, self._place(at)), 0.0)
+
+    def scale(self, points: Points) -> Points:
+        low, high = self._part(points)
+        return np.prod(high - low, axis=1)
 
     def samples(self, points: Points, normals: Points, pattern: Points) -> Samples:
         """Points of the lamp by a pattern (M, K, 2) of `patterns`, seen from the receivers."""

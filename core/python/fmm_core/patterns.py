@@ -69,3 +69,19 @@ def around(axes: Points, cosines: Points, angles: Points) -> Points:
     cosines, angles = (np.ascontiguousarray(values, np.float64) for values in np.broadcast_arrays(cosines, angles))
     found = _binding.around(np.ascontiguousarray(axes), cosines.ravel(), angles.ravel())
     return found.reshape(*cosines.shape, 3)
+
+
+def inside(corners: Points, numbers: Points) -> Points:
+    """(K, 3) the points of triangles (K, 3, 3) for numbers (K, 2) in [0, 1), even where these are."""
+    root, other = np.sqrt(numbers[:, :1]), numbers[:, 1:]
+    a, b, c = corners.transpose(1, 0, 2)
+    return (1 - root) * a + root * ((1 - other) * b + other * c)
+
+
+def sequence(count: int, start: Points, step: Points) -> Points:
+    """(count, D) numbers even in [0, 1), the first of which are at start (D,)."""
+    return whole_turns_off(start + np.arange(count)[:, None] * step)
+
+
+def whole_turns_off(turns: Points) -> Points:
+    return turns - np.floor(turns)

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _binding
+from .direct_light import Receivers
 from .emitters import choosable
 from .medium import left
-from .particles import NO_PATCH, Particles
-from .patterns import GOLDEN, R2, R3, R5, ROOTS, around
+from .patterns import GOLDEN, R2, R3, R5, around, sequence, whole_turns_off
+from .places import Places
 from .scene import Scene
 from .transport import Sums
 from .visibility import Met
@@ -39,12 +40,13 @@ class Reference:
     rays   traced so far
     """
 
-    def __init__(self, scene: Scene, sums: Sums) -> None:
-        self._scene, self._particles = scene, sums.particles
+    def __init__(self, scene: Scene, sums: Sums, lamps: Receivers, direct: Points) -> None:
+        """lamps: the particles as lamps shine on them; direct (N, 3): their irradiance from there, and from the sky."""
+        self._scene, self._particles, self._lamps = scene, sums.particles, lamps
         self._occlusion, self._surface = sums.apart(scene)
-        self._places = _Places.of(scene, sums.particles)
+        self._places = Places.of(scene.triangles, sums.particles)
         self._order = _binding.tree_order(self._places.centres, self._places.normals).astype(np.int64)
-        self._emitters, self._medium = choosable(scene, sums.particles), sums.medium
+        self._emitters, self._medium = choosable(scene, sums.particles, direct), sums.medium
         self._near = self._particles.of_points((NEAR * self._particles.radii) ** 2)
 
     @property
@@ -130,20 +132,22 @@ class Reference:
             triangles = np.where(whole, particles.triangle[chosen], met.triangles[hit])
             known = both[chosen, :3] + both[chosen, 3:]
             # What follows each other comes from one point mostly.
-            upwards, turns = _sequence(len(hit), rng.random(2), R2).T
+            upwards, turns = sequence(len(hit), rng.random(2), R2).T
             directions = around(normals, np.sqrt(1 - upwards)[:, None], 2 * np.pi * turns[:, None])[:, 0]
-            samples = _Samples(directions, _sequence(len(hit), rng.random(3), R3))
+            samples = _Samples(directions, sequence(len(hit), rng.random(3), R3))
             received, met, there, rays = self._received(starts, normals, samples, both, choice, owners[rows])
-            irradiance = received[:, :3] + received[:, 3:] + direct[chosen]
+            more_lit, shadows = self._lamps.unlike(scene, chosen, starts, normals, rng, self._occlusion)
+            irradiance = received[:, :3] + received[:, 3:] + direct[chosen] + more_lit
             lacking = scene.emission[triangles] + scene.albedo[triangles] * irradiance - known
             np.add.at(more, rows, passed * lacking)
             passed = passed * scene.albedo[triangles] * there
-            traced += rays
+            traced += rays + shadows
         return more, traced
 
     def residual(self, radiosity: Points, samples: int, seed: int) -> Points:
         """(N, 3) by how much emission + albedo * irradiance exceeds the radiosity (N, 3) on average over what each
-        particle stands for, by so many rays of each kind from random places there.
+        particle stands for, by so many rays of each kind from random places there; of what lamps send, only by how much
+        it exceeds what the particles get.
         """
         particles, scene = self._particles, self._scene
         of_patches = np.empty((len(particles.patches), 3))
@@ -154,12 +158,14 @@ class Reference:
             rng, counts = np.random.default_rng([seed, part.start]), np.full(len(rows), samples)
             triangles, points, normals = self._places.random(rows, samples, rng)
             # Neighbours ask in other directions, and tell more together.
-            given = _samples(normals, counts, _sequence(len(rows), rng.random(5), R5))
+            given = _samples(normals, counts, sequence(len(rows), rng.random(5), R5))
             choice = self._choice(self._places.centres[rows], self._places.normals[rows])
             owners = np.repeat(np.arange(len(rows)), samples)
             received, _, _, traced = self._received(points, normals, given, radiosity, choice, owners)
-            of_patches[rows] = _means(scene.emission[triangles] + scene.albedo[triangles] * received, counts)
-            return traced
+            chosen = particles.per_patch * np.repeat(rows, samples)
+            more, shadows = self._lamps.unlike(scene, chosen, points, normals, rng, self._occlusion)
+            of_patches[rows] = _means(scene.emission[triangles] + scene.albedo[triangles] * (received + more), counts)
+            return traced + shadows
 
         self._occlusion.run_blocks(block, len(bounds) - 1, 1)
         shares = particles.weights.reshape(-1, particles.per_patch)
@@ -217,67 +223,6 @@ class Reference:
         return left(self._medium, points, between / distances[:, None], distances)
 
 
-@dataclass(frozen=True)
-class _Places:
-    """The surface that each patch stands for.
-
-    triangles (P,) its own; patches (P, 3, 3), centres and normals (P, 3) of these; for groups of triangles their
-    members in `members` (G,), by areas that add up to `ends` (G,), from `starts` (P,) over `areas` (P,), 0 for others
-    """
-
-    triangles: NDArray[np.int64]
-    patches: Points
-    centres: Points
-    normals: Points
-    corners: Points
-    members: NDArray[np.int64]
-    ends: Points
-    starts: Points
-    areas: Points
-
-    @classmethod
-    def of(cls, scene: Scene, particles: Particles) -> "_Places":
-        uncut = np.flatnonzero(particles.edges[: len(scene.triangles)] < 0)
-        patch, member = particles.parts[uncut].astype(np.int64).T.ravel(), np.tile(uncut, 2)
-        there = patch != NO_PATCH
-        there[there] = ~particles.whole[patch[there]]
-        patch, member = patch[there], member[there]
-        order = np.argsort(patch, kind="stable")
-        patch, member = patch[order], member[order]
-        areas = np.bincount(patch, particles.solid[member], len(particles.patches))
-        return cls(
-            triangles=particles.triangle[:: particles.per_patch],
-            patches=particles.patches,
-            centres=particles.patches.mean(axis=1),
-            normals=np.ascontiguousarray(particles.normals[:: particles.per_patch]),
-            corners=scene.triangles,
-            members=member,
-            ends=np.cumsum(particles.solid[member]),
-            starts=np.cumsum(areas) - areas,
-            areas=areas,
-        )
-
-    def random(
-        self, rows: NDArray[np.int64], count: int, rng: np.random.Generator
-    ) -> tuple[NDArray[np.int64], Points, Points]:
-        """Triangle (K,), place and unit normal (K, 3) of so many random places for each of some patches."""
-        triangles, corners, normals, starts, areas = (
-            np.repeat(values[rows], count, axis=0)
-            for values in (self.triangles, self.patches, self.normals, self.starts, self.areas)
-        )
-        groups = np.flatnonzero(areas)
-        if len(groups):
-            at = starts[groups] + rng.random(len(groups)) * areas[groups]
-            member = self.members[np.minimum(np.searchsorted(self.ends, at), len(self.members) - 1)]
-            triangles[groups], corners[groups] = member, self.corners[member]
-            a, b, c = corners[groups].transpose(1, 0, 2)
-            flat = np.cross(b - a, c - a)
-            flat /= np.linalg.norm(flat, axis=1, keepdims=True)
-            # Normals of one group lie within a right angle.
-            normals[groups] = flat * np.sign((flat * normals[groups]).sum(axis=1, keepdims=True))
-        return triangles, _inside(corners, _sequence(len(corners), rng.random(2), ROOTS)), normals
-
-
 def _bounds(rays: NDArray[np.int64]) -> NDArray[np.int64]:
     """Of points with so many rays (M,) each the first ones of blocks of about as many rays, the same on all machines,
     and the end.
@@ -299,13 +244,6 @@ def _dot(a: Points, b: Points) -> Points:
     return np.einsum("kx,kx->k", a, b)
 
 
-def _inside(triangles: Points, numbers: Points) -> Points:
-    """(K, 3) the points of triangles (K, 3, 3) for numbers (K, 2) in [0, 1), even where these are."""
-    root, other = np.sqrt(numbers[:, :1]), numbers[:, 1:]
-    a, b, c = triangles.transpose(1, 0, 2)
-    return (1 - root) * a + root * ((1 - other) * b + other * c)
-
-
 @dataclass(frozen=True)
 class _Samples:
     """Of rays: directions (K, 3) even by cosine, and numbers (K, 3) even in [0, 1) that tell what is aimed at."""
@@ -322,14 +260,5 @@ def _samples(normals: Points, counts: NDArray[np.int64], turns: Points) -> _Samp
     turns, steps = np.repeat(turns, counts, axis=0), number[:, None]
     squares, at = ((number + turns[:, k]) / np.repeat(counts, counts) for k in (0, 2))
     angles = 2 * np.pi * (GOLDEN * number + turns[:, 1])
-    ends = np.column_stack([at, _whole_turns_off(turns[:, 3:] + steps * R2)])
+    ends = np.column_stack([at, whole_turns_off(turns[:, 3:] + steps * R2)])
     return _Samples(around(normals, np.sqrt(1 - squares)[:, None], angles[:, None])[:, 0], ends)
-
-
-def _sequence(count: int, start: Points, step: Points) -> Points:
-    """(count, D) numbers even in [0, 1), the first of which are at start (D,)."""
-    return _whole_turns_off(start + np.arange(count)[:, None] * step)
-
-
-def _whole_turns_off(turns: Points) -> Points:
-    return turns - np.floor(turns)

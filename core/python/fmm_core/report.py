@@ -64,6 +64,11 @@ class Report:
         finally:
             self.seconds[phase] += time.perf_counter() - start
 
+    def stopped_short(self, steps: int, remaining: float) -> None:
+        """Warns of an iteration that ended before such a share of all light was found."""
+        text = f"iteration stopped after {steps} steps with {100 * remaining:.2g} % of the light still to come"
+        self.warnings.append(text)
+
     def follow(self, earlier: dict[str, Any]) -> None:
         """Adds the seconds, rays and rounds of an earlier report of the same bake."""
         for phase in PHASES:

@@ -63,7 +63,8 @@ class Settings:
     effects         which of `EFFECTS` to simulate whatever the scene says, True, or to leave out, False, by name;
                     without occlusion all that is in front of the horizon is seen, as it is in a convex room
     probes          random points whose irradiance is also found by rays, to measure the error: so many where the bake
-                    takes long enough, and no fewer than 300 of them elsewhere; 0 for none
+                    takes long enough, and no fewer than 300 of them elsewhere; 0 for none. A target error takes 1,000
+                    or more in any case, and as many rays as it wants
     """
 
     truncation: int | None = None

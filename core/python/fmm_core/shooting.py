@@ -36,7 +36,7 @@ def shoot(
         if remaining <= settings.tolerance:
             return radiosity
         tick(min(0.99, step / (step + 10)))
-    report.warnings.append(f"iteration stopped after {step} steps with {remaining:.2g} of the light still to come")
+    report.stopped_short(step, remaining)
     return radiosity
 
 

@@ -221,7 +221,8 @@ class Solution:
             return Receivers(points, normals, self._space.sums.occlusion, rays).irradiance(self._planned)
 
         direct = self._exchange.direct(self._planned)
-        return Solved(self._planned, self._space, self._exchange.operator, self.radiosity, direct, lamps)
+        parts = self._exchange.operator, self.radiosity, self._exchange.lit, direct, lamps
+        return Solved(self._planned, self._space, *parts)
 
     def _round(self) -> dict[str, Any]:
         return {

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from .kept import KeptVisibility
 from .progress import Progress, part, ticker
 from .scene import Scene
-from .settings import MOST_RAYS, POWER, Settings
+from .settings import MOST_RAYS, POWER, RAYS, USUAL_ERROR, Settings
 from .solution import Solution
 from .solver import solve, solve_with
 
@@ -21,6 +21,8 @@ AIM, AIM_RADIOSITY = 0.8, 0.5
 SURE = 1.2
 #: Least and largest factors by which rays and particles are raised at a time.
 LEAST, LARGEST = 1.3, 6.0
+#: Up to so many times the usual error of so many rays the gather's is taken to be theirs.
+GRAIN = 2.0
 #: The error of the gather falls below this share of what it was where more rays help.
 STUCK = 0.75
 #: What is tried at most.
@@ -97,8 +99,11 @@ def better(asked: Settings, used: Settings, last: dict[str, Any], before: dict[s
         wanted["particles"] = round(particles * _factor(error / (AIM * target)))
     else:
         wanted["truncation"] = used.truncation + 1
-        if stuck or radiosity > 1:
-            wanted["particles"] = round(particles * _factor(max(radiosity, gather)))
+        # Few rays that are given leave so much, and more sources for each of them would leave more.
+        grain = GRAIN * USUAL_ERROR * (RAYS / used.rays) ** POWER
+        grainy = asked.rays is not None and gathered < grain
+        if radiosity > 1 or (stuck and not grainy):
+            wanted["particles"] = round(particles * _factor(radiosity if grainy else max(radiosity, gather)))
     most = {
         "particles": MOST_PARTICLES,
         "rays": max(MOST_RAYS, used.rays),

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What of a lamp's light gets to patches as a whole: a window or a cone makes spots that are smaller than they are."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import patterns
+from .lights import Light
+from .particles import Particles
+from .places import Places
+from .progress import Tick
+from .visibility import Occlusion
+
+Points = NDArray[np.float64]
+
+#: Rays to a lamp from random places of a patch that tell whether all of it gets the same share, at least and at most,
+#: and from all patches together; and to how many points of the lamp each place sends its own, unless it is one.
+FEWEST_FIRST, MOST_FIRST, FIRST = 8, 256, 200_000
+EACH = 2
+#: Rays from a patch that gets its light in part, at most, and from all of these together for each of the settings.
+MOST, TOGETHER = 4096, 20_000
+#: Shares that differ by less are the same.
+SAME = 1e-3
+#: Rays of a block of patches.
+BLOCK = 150_000
+
+
+class PatchLamps:
+    """Shares of lamps' light that get to the patches of particles, through what is in the way."""
+
+    def __init__(self, particles: Particles, occlusion: Occlusion | None, rays: float) -> None:
+        """rays: of each particle, in the settings."""
+        triangles = particles.patches if occlusion is None else occlusion.triangles
+        self._places, self._occlusion, self._rays = Places.of(triangles, particles), occlusion, rays
+
+    def shares(self, light: Light, shadows: bool, tick: Tick) -> tuple[Points, NDArray[np.bool_]]:
+        """(P,) of what would get to each patch with nothing in the way, and without a cone; and whether it differs from
+        one of its places to the next.
+        """
+        count = len(self._places.triangles)
+        shares, again = np.empty(count), np.zeros(count, bool)
+        few = int(np.clip(FIRST // count, FEWEST_FIRST, MOST_FIRST))
+
+        def first(rows: NDArray[np.int64]) -> int:
+            shares[rows], again[rows], asked = self._asked(light, rows, few, shadows)
+            return asked
+
+        self._run(first, np.arange(count), few, tick)
+        partly = np.flatnonzero(again)
+        rays = int(np.clip(TOGETHER * self._rays / max(1, len(partly)), 2 * few, MOST))
+
+        def second(rows: NDArray[np.int64]) -> int:
+            shares[rows], _, asked = self._asked(light, rows, rays, shadows)
+            return asked
+
+        self._run(second, partly, rays, tick)
+        return shares, again
+
+    def _asked(
+        self, light: Light, rows: NDArray[np.int64], rays: int, shadows: bool
+    ) -> tuple[Points, NDArray[np.bool_], int]:
+        """(R,) the shares of some patches by so many rays of each, whether these differ, and how many were traced."""
+        each = 1 if light.is_small else EACH
+        places, rng = rays // each, np.random.default_rng([rays, rows[0]])
+        _, points, normals = self._places.random(rows, places, rng)
+        weights, passed, asked = sent(light, points, normals, each, rng, self._occlusion if shadows else None)
+        weights *= light.scale(points)[:, None]
+        weights, passed = weights.reshape(len(rows), -1), passed.reshape(len(rows), -1)
+        sums = weights.sum(axis=1)
+        shares = (weights * passed).sum(axis=1) / np.where(sums > 0, sums, 1.0)
+        most, least = (np.where(weights > 0, passed, side) for side in (0.0, 1.0))
+        return shares, most.max(axis=1) - least.min(axis=1) > SAME, asked
+
+    def _run(self, work: Callable[[NDArray[np.int64]], int], rows: NDArray[np.int64], rays: int, tick: Tick) -> None:
+        """Runs `work` on all rows in blocks."""
+        size = max(1, BLOCK // rays)
+
+        def block(part: slice) -> int:
+            return work(rows[part])
+
+        if self._occlusion is not None:
+            self._occlusion.run_blocks(block, len(rows), size, tick)
+            return
+        for start in range(0, len(rows), size):
+            block(slice(start, start + size))
+            tick(min(1.0, (start + size) / len(rows)))
+
+
+def sent(
+    light: Light, points: Points, normals: Points, each: int, rng: np.random.Generator, occlusion: Occlusion | None
+) -> tuple[Points, Points, int]:
+    """For so many random points of a lamp for each receiver (M, 3) with normals (M, 3), of what they bring without any
+    cone (M, K), which share arrives (M, K) through what is in the way; and how many rays were traced, to be called by
+    what `run_blocks` runs.
+    """
+    numbers = patterns.sequence(len(points) * each, rng.random(2), patterns.R2).reshape(-1, each, 2)
+    if light.is_round:
+        numbers = numbers * [1.0, 2 * np.pi]
+    samples = light.samples(points, normals, numbers)
+    passed = samples.cones.copy()
+    if occlusion is None:
+        return samples.weights, passed, 0
+    place, k = np.nonzero((samples.weights > 0) & (passed > 0))
+    ends = points[place], normals[place], samples.directions[place, k], samples.distances[place, k]
+    passed[place, k] *= occlusion.transmitted(*ends)
+    return samples.weights, passed, len(place)
