@@ -9,6 +9,7 @@ import pytest
 import shapes
 from fmm_core.particles import make_particles
 from fmm_core.solver import FEW_PARTICLES
+from fmm_core.transport import Operator
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -230,6 +231,19 @@ def test_dim_colours_and_dim_rooms_converge_like_bright_ones():
     scene = fmm_core.Scene(rooms, np.where(bright, 0.0, 0.9), np.where(bright, 1e4, 1.0))
     dim = 1 + 0.9 * fmm_core.solve(scene, fmm_core.Settings(particles=800)).irradiance(*points)
     assert dim == pytest.approx(10.0, rel=5e-3)
+
+
+@pytest.mark.parametrize("method", ["direct", "fmm"])
+@pytest.mark.parametrize("albedo", [0.5, 0.99])
+def test_bright_rooms_converge_within_thirty_applications(method, albedo, monkeypatch):
+    block = shapes.room((0.4, 0.3, 0.2))[:, ::-1] + [0.35, 0.35, 0.2]
+    triangles = np.concatenate([CUBE, block])
+    scene = fmm_core.Scene(triangles, albedo, np.where(np.arange(24) < 2, 1.0, 0.0))
+    applied, apply = [], Operator.apply
+    monkeypatch.setattr(Operator, "apply", lambda self, radiosity: (applied.append(1), apply(self, radiosity))[1])
+    solution = fmm_core.solve(scene, fmm_core.Settings(method=method, particles=600, probes=0))
+    assert solution.report["warnings"] == []
+    assert 3 < len(applied) <= 30
 
 
 def test_light_that_spreads_over_more_and_more_particles_converges():

@@ -26,6 +26,8 @@ class Audit:
     @property
     def created(self):
         """Share of the emitted light that came from nowhere; less than 0 where backs swallow some."""
+        if self.emitted == 0:
+            return float(self.absorbed + self.escaped > 0)
         return (self.absorbed + self.escaped) / self.emitted - 1
 
 
@@ -38,7 +40,9 @@ def audit(scene, settings=SMALL):
         assert np.isfinite(light).all()
         assert light.min() >= 0
     weights, triangle = particles.weights[:, None], particles.triangle
-    emitted = (weights * scene.emission[triangle]).sum(axis=0)
+    # What lamps and the sky send to surfaces is new light, too.
+    direct = solution._exchange.lit.irradiance(solution._planned)
+    emitted = (weights * (scene.emission[triangle] + direct)).sum(axis=0)
     colour = emitted.argmax()
     absorbed = (weights * (1 - scene.albedo[triangle]) * irradiance).sum(axis=0)
     leaving = weights * (scene.emission[triangle] + scene.albedo[triangle] * irradiance)

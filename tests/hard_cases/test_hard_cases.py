@@ -118,7 +118,29 @@ def test_a_vertex_on_another_face(method, at_most):
     spike = np.array([[0.5, 0.5, 0], [0.8, 0.4, 0.5], [0.4, 0.8, 0.5], [0.3, 0.3, 0.6]])
     cone = spike[[[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]]]
     result = audit(lit(np.concatenate([ROOM[2:], cone, LAMP]), 2), settings(method))
+    # The same spike just above the floor.
+    apart = np.concatenate([ROOM[2:], cone + [0, 0, 1e-5], LAMP])
+    points = shapes.random_points(SCENE, 4)
+    exact = fmm_core.solve(lit(apart, 2), settings(particles=4000)).irradiance(*points)
+    at_most(0.02, light=np.linalg.norm(result.solution.irradiance(*points) - exact) / np.linalg.norm(exact))
     at_most(CREATED, created=result.created)
+
+
+@METHODS
+@pytest.mark.parametrize("axes", [(-1, 1, 1), (-2, -0.5, 1), (-1, -1, -1)])
+def test_negative_scale(axes, method, at_most):
+    points, normals = shapes.random_points(SCENE, 4)
+    plain, scale = np.abs(axes), np.array(axes, float)
+
+    def received(by):
+        # Corners in the other order keep the fronts where they were.
+        turned = 1 if by.prod() > 0 else -1
+        to = normals / by
+        solution = fmm_core.solve(lit((by * SCENE)[:, ::turned], 2), settings(method))
+        return solution.irradiance(by * points, to)
+
+    found, expected = received(scale), received(plain)
+    at_most(0.01, light=np.linalg.norm(found - expected) / np.linalg.norm(expected))
 
 
 @METHODS

@@ -44,9 +44,20 @@ def _piece(kind, rng, before):
     return corners[None]
 
 
+#: Makes lamps of one W, W/sr, W/m^2 or W/(m^2 sr) at random places.
+LAMPS = {
+    "point": lambda rng: fmm_core.PointLight(rng.uniform(-1, 1, 3), 1.0, rng.choice([0.0, 0.1])),
+    "spot": lambda rng: fmm_core.SpotLight(
+        rng.uniform(-1, 1, 3), 1.0, direction=rng.normal(size=3), angle=rng.uniform(0.1, 2.0)
+    ),
+    "sun": lambda rng: fmm_core.SunLight(rng.normal(size=3), 1.0, rng.choice([0.0, 0.02])),
+    "area": lambda rng: fmm_core.AreaLight(rng.uniform(-1, 1, 3), *rng.uniform(-0.3, 0.3, (2, 3)), 1.0),
+}
+
+
 @st.composite
-def scenes(draw):
-    """A `Scene` of one to six pieces that may cross, touch, double or hide each other."""
+def scenes(draw, lamps=False):
+    """A `Scene` of one to six pieces that may cross, touch, double or hide each other, lit by lamps and sky as well."""
     kinds = draw(st.lists(st.sampled_from(KINDS), min_size=1, max_size=6))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     pieces = []
@@ -58,8 +69,14 @@ def scenes(draw):
     emission = 10.0 ** rng.uniform(-4, 4, (count, 3)) * (rng.random((count, 1)) < 0.5)
     emission[rng.integers(count)] = 1.0
     two_sided = rng.random(count) < draw(st.sampled_from([0.0, 0.5, 1.0]))
+    others = {}
+    if lamps:
+        kinds = draw(st.lists(st.sampled_from(sorted(LAMPS)), max_size=2))
+        others = {"lights": [LAMPS[kind](rng) for kind in kinds]}
+        others["sky"] = fmm_core.Sky(1.0) if draw(st.booleans()) else None
+        emission *= draw(st.sampled_from([0.0, 1.0])) if kinds or others["sky"] else 1.0
     try:
-        return fmm_core.Scene(triangles, albedo * rng.random((count, 3)) ** 0.2, emission, two_sided)
+        return fmm_core.Scene(triangles, albedo * rng.random((count, 3)) ** 0.2, emission, two_sided, **others)
     except fmm_core.Error:
         # The only emitter, or all there is, may have no area.
         assume(False)
