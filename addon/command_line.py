@@ -227,7 +227,7 @@ def _study(options: argparse.Namespace) -> tuple[list[str], str]:
     context = bpy.context
     data, settings = bake.read(context), properties.settings_of(context.scene, **_chosen(options))
     progress = _progress()
-    done, judge, points = study.run(data, settings, progress)
+    done, judge, points = study.run(data, settings, progress, compared=options.cycles is not None)
     if options.cycles is not None:
         done = study.add(done, cycles.study(context, data.arrays, judge, points, options.cycles or _SAMPLES))
     with files.Staged() as staged:

@@ -36,14 +36,18 @@ _SAME = 1e-6
 
 
 def run(
-    data: Input, settings: fmm_core.Settings, progress: Progress | None = None
+    data: Input, settings: fmm_core.Settings, progress: Progress | None = None, compared: bool = False
 ) -> tuple[Study, Judge, fmm_core.OutputPoints]:
-    """Bake the scene again and again at its vertices; raises fmm_core.Error and fmm_core.Cancelled."""
+    """Bake the scene again and again at its vertices; raises fmm_core.Error and fmm_core.Cancelled.
+
+    compared: whether another program bakes as well, and all are judged only where it bakes alike.
+    """
     arrays, progress = data.arrays, memory.limited(progress, data.memory_limit)
     scene = scene_of(arrays)
     points = points_of(arrays)
     at = points.points, points.normals
-    truth = judge(scene, settings, *at, _inside_faces(data, points), part(progress, 0.0, _TRUTH))
+    rows = _inside_faces(data, points) if compared else np.arange(len(points.points))
+    truth = judge(scene, settings, *at, rows, part(progress, 0.0, _TRUTH))
     return study(scene, settings, *at, truth, part(progress, _TRUTH, 1.0)), truth, points
 
 
