@@ -180,10 +180,10 @@ def test_what_is_no_such_file_is_refused(tmp_path, text):
 
 
 def test_another_version_and_a_missing_file_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "VERSION", 5)
+    monkeypatch.setattr(module, "VERSION", 6)
     saved(tmp_path / "new", particles=100, method="direct")
     monkeypatch.undo()
-    with pytest.raises(fmm_core.Error, match=r"^kept visibility '.*new' has version '5', expected 4$"):
+    with pytest.raises(fmm_core.Error, match=r"^kept visibility '.*new' has version '6', expected 5$"):
         fmm_core.KeptVisibility.load(tmp_path / "new")
     with pytest.raises(fmm_core.Error, match=r"^cannot read '.*none': No such file"):
         fmm_core.KeptVisibility.load(tmp_path / "none")

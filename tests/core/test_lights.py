@@ -7,7 +7,7 @@ import fmm_core
 import numpy as np
 import pytest
 import shapes
-from fmm_core import AreaLight, PointLight, Sky, SpotLight, SunLight
+from fmm_core import AreaLight, PointLight, Sky, SpotLight, SunLight, spots
 from test_visibility import block
 
 FLOOR = shapes.quad([-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0])
@@ -231,17 +231,39 @@ def test_a_lamp_near_a_wall_sends_on_all_its_light_however_small_its_spot(distan
 @pytest.mark.parametrize("particles", [None, 3000])
 @pytest.mark.parametrize("angle", [0.0, 0.01])
 def test_what_comes_in_at_a_window_is_what_arrives(size, particles, angle):
-    low, high = 0.5 - size / 2, 0.5 + size / 2
-    parts = [(0, low, 0, 1), (high, 1, 0, 1), (low, high, 0, low), (low, high, high, 1)]
-    wall = [shapes.quad([1, y, z], [1, y, top], [1, right, top], [1, right, z]) for y, right, z, top in parts]
-    room = shapes.room()
-    room = np.concatenate([room[~(room[:, :, 0] == 1).all(axis=1)], *wall])
     sun = SunLight((-0.7, 0.07, -0.6), 10.0, angle)
-    solution = solve(room, 0.5, fmm_core.Settings(method="fmm", particles=particles, probes=0), lights=[sun])
+    solution = solve(
+        window_room(size), 0.5, fmm_core.Settings(method="fmm", particles=particles, probes=0), lights=[sun]
+    )
     # Away from the window, whose rim takes some of what comes askew.
     particles, inside = solution.particles, solution.particles.positions[:, 0] < 0.99
     arrived = (particles.weights * solution._exchange.direct(solution._planned)[:, 0])[inside].sum()
     assert 0.98 < arrived / (-10.0 * sun.direction[0] * size**2) < 1.005
+
+
+def window_room(size):
+    """A room lit by what comes in at a square window in its wall at x = 1."""
+    low, high = 0.5 - size / 2, 0.5 + size / 2
+    parts = [(0, low, 0, 1), (high, 1, 0, 1), (low, high, 0, low), (low, high, high, 1)]
+    wall = [shapes.quad([1, y, z], [1, y, top], [1, right, top], [1, right, z]) for y, right, z, top in parts]
+    room = shapes.room()
+    return np.concatenate([room[~(room[:, :, 0] == 1).all(axis=1)], *wall])
+
+
+def test_a_corner_beside_a_spot_gets_its_light_from_the_lit_side(monkeypatch):
+    # The spot goes from the floor up the wall at x = 0; the points are on that wall, just beside it.
+    y = np.linspace(0.34, 0.372, 33)
+    at = np.column_stack([0 * y, y, 0 * y + 1e-3]), np.tile([1.0, 0.0, 0.0], (len(y), 1))
+    lamps = [SunLight((-2.0, 0.02, -1.0), 10.0, 0.01)]
+
+    def received(particles):
+        settings = fmm_core.Settings(method="fmm", particles=particles, probes=0)
+        return solve(window_room(0.25), 0.5, settings, lights=lamps).irradiance(*at)
+
+    exact, few = received(150_000), received(4000)
+    monkeypatch.setattr(spots, "CUTS", 0)
+    off = [np.linalg.norm(found - exact) for found in (few, received(4000), received(40_000))]
+    assert off[0] < 0.6 * min(off[1:])
 
 
 @pytest.mark.parametrize("angle", [0.1, 0.3])
@@ -314,13 +336,23 @@ def test_a_lamp_that_moves_traces_its_own_rays_only():
     found = after.irradiance(*points)
     fresh = solve(BLOCK, 0.5, lights=moved, sky=Sky(1.0))
     fresh.irradiance(*points)
-    only = solve(BLOCK, 0.5, lights=moved[-1:])
-    only.irradiance(*points)
-    dark = solve(BLOCK, 0.5, emission=1.0)
-    dark.irradiance(*points)
-    of_lamp = only.report["counts"]["rays"] - dark.report["counts"]["rays"]
-    assert after.report["counts"]["rays"] == of_lamp < fresh.report["counts"]["rays"] / 2
+    assert 0 < after.report["counts"]["rays"] < fresh.report["counts"]["rays"] / len(moved)
     assert found == pytest.approx(fresh.irradiance(*points), rel=1e-3)
+
+
+def test_patches_that_a_spot_has_cut_are_kept_for_other_suns(tmp_path):
+    room, points = window_room(0.25), shapes.random_points(window_room(0.25), 2)
+    kept, settings = fmm_core.KeptVisibility(), fmm_core.Settings(method="fmm", particles=1000, probes=0)
+    suns = [SunLight((-2.0, 0.02, -1.0), 10.0), SunLight((-2.0, 0.5, -1.0), 10.0)]
+    first = fmm_core.solve(fmm_core.Scene(room, 0.5, lights=suns[:1]), settings, kept=kept)
+    first.irradiance(*points)
+    kept.save(tmp_path / "room")
+    again = fmm_core.KeptVisibility.load(tmp_path / "room")
+    other = fmm_core.Scene(room, 0.5, lights=suns[1:])
+    moved = fmm_core.solve(other, settings, kept=again)
+    found = moved.irradiance(*points)
+    assert len(moved.particles) == len(first.particles) > 1500
+    assert found == pytest.approx(first.relight(lights=suns[1:]).irradiance(*points), rel=1e-3)
 
 
 def test_kept_visibility_has_the_rays_of_lamps_and_sky():

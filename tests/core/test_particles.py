@@ -7,7 +7,8 @@ import fmm_core
 import numpy as np
 import pytest
 import shapes
-from fmm_core.particles import make_particles
+from fmm_core import _binding
+from fmm_core.particles import bisected, make_particles
 from fmm_core.quadrature import triangle_rule
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -50,6 +51,33 @@ def test_particles_cover_the_area_with_unit_normals(corners, count, degree, two_
     assert covered == pytest.approx(area, rel=1e-6)
     assert np.linalg.norm(particles.normals, axis=1) == pytest.approx(1.0)
     assert len(particles) == len(particles.patches) * particles.per_patch
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), degree=st.sampled_from([1, 2]), times=st.integers(1, 4))
+def test_patches_that_are_cut_keep_their_surface(seed, degree, times):
+    rng = np.random.default_rng(seed)
+    scene = fmm_core.Scene(rng.uniform(-1, 1, (5, 3, 3)), 0.5, 1.0)
+    whole = cut = make_particles(scene, 100, degree)
+    for _ in range(times):
+        rows = rng.permutation(len(cut.areas))[: rng.integers(1, len(cut.areas))]
+        cut = bisected(cut, rows)
+    assert cut.weights.sum() == pytest.approx(whole.weights.sum())
+    assert np.bincount(cut.triangle, cut.weights) == pytest.approx(np.bincount(whole.triangle, whole.weights))
+    double = np.cross(cut.patches[:, 1] - cut.patches[:, 0], cut.patches[:, 2] - cut.patches[:, 0])
+    assert np.linalg.norm(double, axis=1) / 2 == pytest.approx(cut.areas)
+    assert np.repeat(double, cut.per_patch, axis=0) / 2 / np.repeat(cut.areas, cut.per_patch)[:, None] == pytest.approx(
+        cut.normals, abs=1e-6
+    )
+    # A place near each of their points is found to belong to that point.
+    surface = _binding.Surface(scene.triangles, (cut.edges, cut.fractions, cut.parts), cut.rule, cut.hidden, 1e-9)
+    a, b, c = scene.triangles[cut.triangle].transpose(1, 0, 2)
+    e, f, to = b - a, c - a, cut.positions - a
+    ee, ef, ff, et, ft = ((x * y).sum(axis=1) for x, y in ((e, e), (e, f), (f, f), (e, to), (f, to)))
+    u, v = ((ff * et - ef * ft) / (ee * ff - ef**2), (ee * ft - ef * et) / (ee * ff - ef**2))
+    places = cut.triangle.astype(np.int32), u.astype(np.float32), v.astype(np.float32)
+    met = surface.met(*places, (-cut.normals).astype(np.float32))[0]
+    assert (met == np.arange(len(cut))).mean() > 0.99
 
 
 def test_number_of_particles_is_about_the_one_asked_for():

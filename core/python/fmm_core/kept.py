@@ -20,7 +20,7 @@ from .errors import Error
 from .scene import Scene
 
 #: Of the file. Another number is another layout, which is refused.
-VERSION = 4
+VERSION = 5
 #: Bytes of a digest.
 DIGEST = 16
 #: What is left of light is told in so many steps.
@@ -35,6 +35,7 @@ class KeptVisibility:
     to `solve` again and again, or `save` it and `load` it in another process.
 
     unsaved    whether there is anything in it that the file it was loaded from or saved to does not have
+    cuts       which patches were cut by bright spots of lamps, one time after the other; None before that is known
     """
 
     def __init__(self) -> None:
@@ -45,6 +46,7 @@ class KeptVisibility:
         self._loaded: dict[bytes, bytes] = {}
         self._lock = Lock()
         self.unsaved = True
+        self.cuts: list[NDArray[np.int64]] | None = None
 
     def take(self, scene: Scene) -> list[str]:
         """Makes it that of a scene; a warning where what it held is of no use."""
@@ -60,7 +62,7 @@ class KeptVisibility:
     def remake(self, scene: Scene) -> list[str]:
         """From now on particles are those of this scene's lights; a warning."""
         self._emission, self._albedo = scene.emission, scene.albedo
-        self.unsaved = True
+        self.unsaved, self.cuts = True, None
         return ["the kept visibility is of other emitters or albedos and is computed anew"]
 
     def first(self, scene: Scene) -> Scene:
@@ -112,11 +114,13 @@ class KeptVisibility:
         rows = np.zeros(len(answers), _ROW)
         for row, (digest, packed) in zip(rows, answers.items(), strict=True):
             row["digest"], row["size"] = np.frombuffer(digest, np.uint8), len(packed)
-        about = {"geometry": self._geometry.hex(), "triangles": len(self._emission)}
+        cuts = self.cuts or []
+        about = {"geometry": self._geometry.hex(), "triangles": len(self._emission), "cuts": [*map(len, cuts)]}
         with zipfile.ZipFile(path, "x", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
             archive.writestr("version", str(VERSION))
             archive.writestr("about", json.dumps(about))
             archive.writestr("lights", np.stack([self._emission, self._albedo]).tobytes())
+            archive.writestr("cuts", b"".join(cut.tobytes() for cut in cuts))
             archive.writestr("rows", rows.tobytes())
             # They are packed already.
             archive.writestr("answers", b"".join(answers.values()), zipfile.ZIP_STORED)
@@ -129,7 +133,7 @@ class KeptVisibility:
                 version = archive.read("version").decode("ascii")
                 if version != str(VERSION):
                     raise Error(f"kept visibility '{path}' has version {version!r}, expected {VERSION}")
-                return cls._read({name: archive.read(name) for name in ("about", "lights", "rows", "answers")})
+                return cls._read({name: archive.read(name) for name in ("about", "lights", "cuts", "rows", "answers")})
         except (Error, MemoryError):
             raise
         except OSError as error:
@@ -144,6 +148,7 @@ class KeptVisibility:
         kept, about = cls(), json.loads(parts["about"])
         kept._geometry = bytes.fromhex(about["geometry"])
         kept._emission, kept._albedo = np.frombuffer(parts["lights"]).reshape(2, about["triangles"], 3)
+        kept.cuts = np.split(np.frombuffer(parts["cuts"], np.int64), np.cumsum(about["cuts"]))[:-1]
         rows = np.frombuffer(parts["rows"], _ROW)
         ends = np.cumsum(rows["size"])
         if len(kept._geometry) not in (0, DIGEST) or (ends[-1] if len(ends) else 0) != len(parts["answers"]):

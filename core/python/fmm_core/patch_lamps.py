@@ -58,6 +58,17 @@ class PatchLamps:
         self._run(second, partly, rays, tick)
         return shares, again
 
+    def divided(self, light: Light, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """(R,) whether some patches get their light in part."""
+        found = np.zeros(len(rows), bool)
+
+        def ask(block: slice) -> int:
+            _, found[block], asked = self._asked(light, rows[block], MOST_FIRST, True)
+            return asked
+
+        self._occlusion.run_blocks(ask, len(rows), max(1, BLOCK // MOST_FIRST))
+        return found
+
     def _asked(
         self, light: Light, rows: NDArray[np.int64], rays: int, shadows: bool
     ) -> tuple[Points, NDArray[np.bool_], int]:

@@ -2,6 +2,7 @@
 """From a scene to its solution: particles, visibility, iteration."""
 
 from dataclasses import replace
+from functools import reduce
 
 from .balance import is_watertight
 from .direct import DirectSpace
@@ -10,12 +11,13 @@ from .errors import Error, memory_errors
 from .exchange import Exchange
 from .kept import KeptVisibility
 from .multipole import MultipoleSpace
-from .particles import make_particles, serve
+from .particles import bisected, make_particles, serve
 from .progress import Progress
 from .report import Report
 from .scene import Scene
 from .settings import Settings
 from .solution import Solution
+from .spots import cut_by_spots
 from .transport import Sums
 from .visibility import Occlusion
 
@@ -82,6 +84,14 @@ def _solve(
         if kept is not None and not serve(particles, first, scene):
             first, particles = scene, make_particles(scene, count, degree, buried)
             report.warnings += kept.remake(scene)
+        if occlusion is not None:
+            cuts = None if kept is None else kept.cuts
+            if cuts is None:
+                particles, cuts = cut_by_spots(scene, particles, occlusion, settings.rays)
+            else:
+                particles = reduce(bisected, cuts, particles)
+            if kept is not None:
+                kept.cuts = cuts
     report.counts.update(triangles=triangles, particles=len(particles))
     single = 6.0 if multipole and occlusion else 12.0
     room = None
