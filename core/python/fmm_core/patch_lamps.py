@@ -17,10 +17,10 @@ Points = NDArray[np.float64]
 
 #: Rays to a lamp from random places of a patch that tell whether all of it gets the same share, at least and at most,
 #: and from all patches together; and to how many points of the lamp each place sends its own, unless it is one.
-FEWEST_FIRST, MOST_FIRST, FIRST = 8, 256, 200_000
+FEWEST_FIRST, MOST_FIRST, FIRST = 4, 256, 200_000
 EACH = 2
 #: Rays from a patch that gets its light in part, at most, and from all of these together for each of the settings.
-MOST, TOGETHER = 4096, 20_000
+MOST, TOGETHER = 4096, 10_000
 #: Shares that differ by less are the same.
 SAME = 1e-3
 #: Rays of a block of patches.
