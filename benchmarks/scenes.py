@@ -129,7 +129,8 @@ def exact_gather(solution: Solution, points: tuple[Array, Array]) -> Array:
 
 def many_rays(solution: Solution, points: Points) -> Array:
     """The same by very many rays over the hemisphere, which see what is left of a patch that another object cuts."""
-    reference = Reference(solution.scene, solution._space.sums)
+    solved = solution._solved(rays=1)
+    reference = Reference(solved.scene, solved.space.sums, solved.lit, solved.direct)
     nothing = 0 * solution.radiosity
     counts = np.full(len(points[0]), TRUTH_RAYS)
     (found, _), _ = reference.irradiance(*points, solution.radiosity, nothing, nothing, counts, 0)

@@ -15,7 +15,7 @@ SPEAKING = [
     *("animation", "attributes", "bake", "error_map", "export", "lights", "materials", "memory", "meshes"),
     *("node_readers", "ray_flags", "sampling", "solving", "tables", "textures", "volumes", "world"),
 ]
-SPEAKING_CORE = ["effects", "errors", "krylov", "shooting", "solution", "target"]
+SPEAKING_CORE = ["effects", "errors", "report", "solution", "target"]
 #: Texts in them that are not shown, or are shown elsewhere, and short ones that are.
 SILENT = {
     "Is Diffuse Ray", "Is Reflection Ray", "Radiosity (being written)", "Specular IOR Level", "{} SH {}",

@@ -66,8 +66,8 @@ class Report:
 
     def stopped_short(self, steps: int, remaining: float) -> None:
         """Warns of an iteration that ended before such a share of all light was found."""
-        text = f"iteration stopped after {steps} steps with {100 * remaining:.2g} % of the light still to come"
-        self.warnings.append(text)
+        share = 100 * remaining
+        self.warnings.append(f"iteration stopped after {steps} steps with {share:.2g} % of the light still to come")
 
     def follow(self, earlier: dict[str, Any]) -> None:
         """Adds the seconds, rays and rounds of an earlier report of the same bake."""
