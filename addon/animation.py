@@ -48,15 +48,15 @@ class Night:
 class Frames:
     """Bakes frame after frame of a scene, by its name: `reading` and `take` in the main thread, `compute` in any.
 
-    Where only lights and colours change from a frame to the next, its visibility is used again. Frames without light
-    are black, unless all are.
+    Where only lights and colours change from a frame to the next, its visibility is used again, and where few things
+    move, that of all others. Frames without light are black, unless all are.
     """
 
     def __init__(self, numbers: Sequence[int], scene: str) -> None:
         self._numbers, self._scene = numbers, scene
         self._done: list[Frame] = []
         self._dark: Dark | None = None
-        self._session = Session()
+        self._session = Session(moving=True)
 
     def unfinished(self) -> bool:
         """Whether there is a frame left to read; raises fmm_core.Error where it turns out that none has light."""

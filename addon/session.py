@@ -49,7 +49,8 @@ class Session:
     where only lights and colours have changed, or None; places: where its light was found; map_top: the error that the
     brightest colour of the error map stands for, or None; pace: how much longer bakes take on this machine than
     `estimate` has it; views: how 3D views were shaded before they showed the result; problem: why the colours do not
-    follow the lights at the moment, or None; threads_late: whether the wanted number of threads came too late for this
+    follow the lights at the moment, or None; moving: whether a bake that follows the last one keeps what it can of its
+    rays where things have moved; threads_late: whether the wanted number of threads came too late for this
     process
     """
 
@@ -62,6 +63,7 @@ class Session:
     pace: float = 1.0
     views: dict[int, dict[str, object]] = field(default_factory=dict)
     problem: str | None = None
+    moving: bool = False
     threads_late: bool = False
     _pool: ThreadPoolExecutor | None = None
 

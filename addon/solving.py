@@ -160,10 +160,12 @@ def solved(
         return solution, solution.irradiance(*places.asked, part(progress, 0.8, 0.9), places.effort)
     if not solve:
         raise fmm_core.Error(changed)
+    follows = session.moving and solution is not None and solution.precedes(scene)
+    before = solution if follows else None
     # Two at a time may be too much for the memory.
     solution = session.solution = None
     kept = _load(data.kept, warnings)
-    return fmm_core.solve_at(scene, settings, *places.asked, part(progress, 0.0, 0.9), kept, places.effort)
+    return fmm_core.solve_at(scene, settings, *places.asked, part(progress, 0.0, 0.9), kept, places.effort, before)
 
 
 def scene_of(arrays: SceneArrays) -> fmm_core.Scene:

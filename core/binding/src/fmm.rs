@@ -26,6 +26,11 @@ type Points<'py> = PyReadonlyArray2<'py, f64>;
 type RayArrays<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
 /// Points (R,), origins and directions (R, 3).
 type HemisphereArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
+/// The same with their places among the rays of their leaf (R,).
+type MovedArrays<'py> =
+    (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>);
+/// Lowest and highest corner of each box.
+type Boxes = Vec<[[f64; 3]; 2]>;
 type SeenArrays<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
 /// Sources (R,), places and normals (R, 3).
 type MetArrays<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
@@ -122,7 +127,9 @@ impl Fmm {
     }
 
     /// Makes visible lists: areas, weights, reach, coarse and radii (N,) of the sources, their patches (P, 3, 3) with the
-    /// rule (points_per_patch, 3), frame as (centre, scale, offset), effort as (share, angle, run_angle, part_angle, density).
+    /// rule (points_per_patch, 3), frame as (centre, scale, offset), effort as (share, angle, run_angle, part_angle, density),
+    /// and the boxes that things may move in later.
+    #[pyo3(signature = (sources, patches, frame, effort, moving=vec![]))]
     fn occlude(
         &mut self,
         py: Python,
@@ -130,6 +137,7 @@ impl Fmm {
         patches: (PyReadonlyArray3<f64>, Points),
         frame: ([f64; 3], f64, f64),
         effort: (f64, f64, f64, f64, usize),
+        moving: Boxes,
     ) -> PyResult<()> {
         let (centre, scale, offset) = frame;
         let (share, angle, run_angle, part_angle, density) = effort;
@@ -145,6 +153,7 @@ impl Fmm {
             radii: flat(radii)?,
             patches: triangles(&patches.0)?,
             rule: triples(&patches.1, "rule")?,
+            moving: &moving,
         };
         py.detach(|| self.driver.occlude(&scene, options)).map_err(value_error)
     }
@@ -192,12 +201,58 @@ impl Fmm {
     ) -> PyResult<()> {
         let met = Met {
             points: flat(&points)?,
+            places: &[],
             directions: triples(&directions, "directions")?,
             triangles: flat(&triangles)?,
             u: flat(&u)?,
             v: flat(&v)?,
         };
         py.detach(|| self.driver.take_hits(&surface.surface, leaves.0..leaves.1, &met)).map_err(value_error)
+    }
+
+    /// From now on things are in these boxes, and sources that stand for such areas (G,) follow those of the octree: the
+    /// rays that pass there are to be traced again.
+    fn move_to(&mut self, py: Python, boxes: Boxes, areas: PyReadonlyArray1<f64>) -> PyResult<()> {
+        let areas = flat(&areas)?;
+        py.detach(|| self.driver.move_to(&boxes, areas));
+        Ok(())
+    }
+
+    /// The rays of links that pass where things have moved to; `block` takes their answers.
+    fn moved_link_rays<'py>(&self, py: Python<'py>, start: usize, stop: usize) -> PyResult<RayArrays<'py>> {
+        let rays = py.detach(|| self.driver.moved_link_rays(start..stop));
+        Ok((vector(py, rays.slots), table(py, rays.origins)?, table(py, rays.directions)?))
+    }
+
+    /// Those of the rays over hemispheres: points, places, origins, directions.
+    fn moved_gather_rays<'py>(&self, py: Python<'py>, start: usize, stop: usize) -> PyResult<MovedArrays<'py>> {
+        let rays = py.detach(|| self.driver.moved_gather_rays(start..stop));
+        let (points, places) = (vector(py, rays.points), vector(py, rays.places));
+        Ok((points, places, table(py, rays.origins)?, table(py, rays.directions)?))
+    }
+
+    /// Takes what these met, as `take_hits`; which (points, places, directions) they are as `moved_gather_rays` has them.
+    #[allow(clippy::too_many_arguments)]
+    fn take_moved_hits(
+        &self,
+        py: Python,
+        surface: &Surface,
+        leaves: (usize, usize),
+        rays: (PyReadonlyArray1<u32>, PyReadonlyArray1<u32>, PyReadonlyArray2<f32>),
+        triangles: PyReadonlyArray1<i32>,
+        u: PyReadonlyArray1<f32>,
+        v: PyReadonlyArray1<f32>,
+    ) -> PyResult<()> {
+        let (points, places, directions) = &rays;
+        let met = Met {
+            points: flat(points)?,
+            places: flat(places)?,
+            directions: triples(directions, "directions")?,
+            triangles: flat(&triangles)?,
+            u: flat(&u)?,
+            v: flat(&v)?,
+        };
+        py.detach(|| self.driver.take_moved_hits(&surface.surface, leaves.0..leaves.1, &met)).map_err(value_error)
     }
 
     /// Target leaves whose links want rays.

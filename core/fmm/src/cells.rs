@@ -85,6 +85,7 @@ impl Cells {
             margin: Vec::new(),
             places: Places::default(),
             blockers: Blockers::default(),
+            moving: Vec::new(),
             medium: Medium::default(),
             absorbing: Blockers::default(),
             ends: [Vec::new(), Vec::new()],

@@ -10,6 +10,7 @@ use crate::gather::Gather;
 use crate::links::Links;
 use crate::lists::{Batches, Lists, ListsOptions};
 use crate::medium::Medium;
+use crate::moving::Moved;
 use crate::octree::Octree;
 use crate::passes::Passes;
 use crate::shaft::Blockers;
@@ -55,6 +56,7 @@ pub struct Fmm {
     pub(crate) medium: Medium,
     pub(crate) rounds: Option<Rounds>,
     pub(crate) cells: Option<Cells>,
+    pub(crate) moved: Moved,
     /// Of the pairs of cells.
     pub(crate) outcomes: Option<Outcomes>,
 }
@@ -112,6 +114,7 @@ impl Fmm {
             medium: medium.clone(),
             rounds: None,
             cells: None,
+            moved: Moved::default(),
             outcomes: None,
         })
     }
@@ -141,7 +144,11 @@ impl Fmm {
     where
         dyn Expansion: InColours<C>,
     {
-        same_length("strengths", self.sources.n_points(), strengths.len())?;
+        let count = self.sources.n_points();
+        same_length("strengths", count + self.moved.guests, strengths.len())?;
+        let (own, guests) = strengths.split_at(count);
+        let mut q = self.sources.in_tree_order(own);
+        q.extend(guests);
         let passes = Passes {
             expansion: self.expansion.as_ref(),
             targets: &self.targets,
@@ -154,7 +161,7 @@ impl Fmm {
             gather: &self.gather,
             medium: (!clear && !self.medium.is_clear()).then_some(&self.medium),
         };
-        let (irradiance, seconds) = run(&passes, &self.sources.in_tree_order(strengths))?;
+        let (irradiance, seconds) = run(&passes, &q)?;
         Ok((self.targets.in_scene_order(&irradiance), seconds))
     }
 
@@ -208,7 +215,7 @@ impl Fmm {
     }
 }
 
-/// Irradiance (M, C) from strengths (N, C), tree order, and the seconds of each pass.
+/// Irradiance (M, C) from strengths (N, C), tree order, which those of guests follow, and the seconds of each pass.
 pub(crate) fn run<const C: usize>(passes: &Passes<C>, q: &[[f64; C]]) -> Result<(Vec<[f64; C]>, Seconds), Error>
 where
     dyn Expansion: InColours<C>,
@@ -217,6 +224,7 @@ where
     let mut multipoles = passes.zero_multipoles()?;
     let mut locals = passes.zero_locals()?;
     let mut irradiance = vec![[0.0; C]; passes.targets.n_points()];
+    let (all, q) = (q, &q[..passes.sources.n_points()]);
 
     // Step 2, multipole coefficients.
     clock.time("p2m", || passes.p2m(q, &mut multipoles));
@@ -230,7 +238,7 @@ where
     clock.time("m2p", || passes.m2p(&multipoles, &mut irradiance));
     clock.time("p2p", || passes.p2p(q, &mut irradiance));
     clock.time("links", || passes.links(q, &mut irradiance));
-    clock.time("gather", || passes.gather(q, &mut irradiance));
+    clock.time("gather", || passes.gather(all, &mut irradiance));
 
     Ok((irradiance, clock.seconds))
 }

@@ -6,6 +6,7 @@ use crate::error::{Error, same_length};
 use crate::facing::FacingTest;
 use crate::gather::{Gather, GatherRays, Met};
 use crate::links::{Links, Weights};
+use crate::moving::Bounds;
 use crate::near_field::{NearField, Patches};
 use crate::octree::Octree;
 use crate::places::Places;
@@ -33,11 +34,13 @@ pub struct Occluded<'a> {
     /// (P, 3, 3) patches, and the barycentric coordinates of the sources on each.
     pub patches: &'a [[[f64; 3]; 3]],
     pub rule: &'a [[f64; 3]],
+    /// What things may move in later, which no pair is valid through: their faces are to be among the triangles, too.
+    pub moving: &'a [Bounds],
 }
 
 /// What the rays of links are made from.
 pub struct Rounds {
-    view: View,
+    pub(crate) view: View,
     visibility: Visibility,
 }
 
@@ -88,6 +91,7 @@ impl Fmm {
             margin: largest(scene.radii),
             places: Places::new(&self.sources, scene.patches, scene.rule, scene.coarse),
             blockers: std::mem::take(&mut self.blockers),
+            moving: scene.moving.to_vec(),
             medium: self.medium.clone(),
             absorbing: Blockers::new(&self.medium.bounds(), [&self.targets, &self.sources]),
             ends: [ends(&self.targets), ends(&self.sources)],
@@ -151,7 +155,7 @@ impl Fmm {
     /// Rays over the hemispheres of the points of some open leaves.
     pub fn gather_rays(&self, leaves: Range<usize>) -> GatherRays {
         let leaves = leaves.start..leaves.end.min(self.gather.leaves.len());
-        let rays = |rounds: &Rounds| self.gather.rays(&self.targets, &rounds.view.frame, leaves);
+        let rays = |rounds: &Rounds| self.gather.rays(&self.targets, &rounds.view.frame, leaves, |_, _| true);
         self.rounds.as_ref().map_or_else(GatherRays::default, rays)
     }
 

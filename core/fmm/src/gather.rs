@@ -10,6 +10,7 @@ use crate::blend::{self, Blend};
 use crate::directions::{Cube, Mask, cell, cosine_direction, tangents};
 use crate::error::{Error, same_length};
 use crate::medium::{Medium, kept};
+use crate::moving::Bounds;
 use crate::octree::Octree;
 use crate::rays::Frame;
 use crate::surface::Surface;
@@ -37,6 +38,24 @@ pub struct OpenLeaf {
     /// Whether a triangle stands between its points.
     parted: bool,
     hits: OnceLock<Hits>,
+    /// What all of its rays met, where some of them may meet other things later.
+    told: OnceLock<Told>,
+    /// In place of `hits` where some did.
+    moved: OnceLock<Hits>,
+}
+
+/// What a ray met: a source that counts, in tree order, or [`NOTHING`], and how far away.
+type Ray = (u32, f32);
+
+/// In place of a source.
+const NOTHING: u32 = u32::MAX;
+
+/// What the rays of each point of a leaf met.
+#[derive(Debug, Default, Clone)]
+struct Told {
+    /// (points + 1)
+    starts: Vec<u32>,
+    rays: Vec<Ray>,
 }
 
 /// The sources met from each point of a leaf.
@@ -59,8 +78,10 @@ pub struct Gather {
     density: usize,
     /// Place in `leaves` of each target box, or none.
     places: Vec<Option<u32>>,
-    /// (N,) area that each source stands for, tree order.
+    /// (N,) area that each source stands for, tree order; those of guests follow.
     weights: Vec<f64>,
+    /// What rays met is told apart, as something may get into their way later.
+    moving: bool,
 }
 
 /// Rays of some open leaves.
@@ -68,6 +89,8 @@ pub struct Gather {
 pub struct GatherRays {
     /// (R) target point in tree order, ascending.
     pub points: Vec<u32>,
+    /// (R) place among the rays of their leaf.
+    pub places: Vec<u32>,
     pub origins: Vec<[f32; 3]>,
     pub directions: Vec<[f32; 3]>,
 }
@@ -75,6 +98,7 @@ pub struct GatherRays {
 /// What rays met: triangles, -1 for none, and where on them.
 pub struct Met<'a> {
     pub points: &'a [u32],
+    pub places: &'a [u32],
     pub directions: &'a [[f32; 3]],
     pub triangles: &'a [i32],
     pub u: &'a [f32],
@@ -84,10 +108,12 @@ pub struct Met<'a> {
 impl Gather {
     /// From open pairs of a target leaf and a source box, the boxes that are summed for each leaf otherwise, and whether a
     /// triangle stands between its points; `weights` (N,) in tree order. `margin` (B,) is how far the surface that the
-    /// points of a source box stand for goes beyond them.
+    /// points of a source box stand for goes beyond them. Where things move in `boxes`, all leaves send rays into these.
+    #[allow(clippy::too_many_arguments)]
     pub fn new(
         (targets, sources): (&Octree, &Octree),
         margin: &[f64],
+        boxes: &[Bounds],
         mut pairs: Vec<(u32, u32)>,
         summed: impl Fn(u32) -> Vec<u32> + Sync,
         parted: impl Fn(u32) -> bool + Sync,
@@ -97,19 +123,35 @@ impl Gather {
         pairs.par_sort_unstable_by_key(|&(leaf, s)| (targets.points[leaf as usize][0], s));
         let mut places = vec![None; targets.n_boxes()];
         let cube = Cube::new();
-        let rows: Vec<&[(u32, u32)]> = pairs.chunk_by(|a, b| a.0 == b.0).collect();
-        for (row, place) in rows.iter().zip(0..) {
-            places[row[0].0 as usize] = Some(place);
+        let mut rows: Vec<(u32, &[(u32, u32)])> =
+            pairs.chunk_by(|a, b| a.0 == b.0).map(|row| (row[0].0, row)).collect();
+        if !boxes.is_empty() {
+            let known: Vec<u32> = rows.iter().map(|row| row.0).collect();
+            let missing = targets.leaves().map(|leaf| leaf as u32).filter(|leaf| !known.contains(leaf));
+            rows.extend(missing.map(|leaf| (leaf, &[] as &[_])));
+            rows.sort_unstable_by_key(|row| targets.points[row.0 as usize][0]);
         }
-        let open_leaf = |row: &&[(u32, u32)]| OpenLeaf {
-            leaf: row[0].0,
-            closed: ranges(sources, &summed(row[0].0)),
-            directions: directions(targets, sources, margin, row, &cube),
-            parted: parted(row[0].0),
+        for (row, place) in rows.iter().zip(0..) {
+            places[row.0 as usize] = Some(place);
+        }
+        let open_leaf = |&(leaf, row): &(u32, &[(u32, u32)])| OpenLeaf {
+            leaf,
+            closed: ranges(sources, &summed(leaf)),
+            directions: directions(targets, (sources, margin), (leaf, row), boxes, &cube),
+            parted: parted(leaf),
             hits: OnceLock::new(),
+            told: OnceLock::new(),
+            moved: OnceLock::new(),
         };
         let leaves = rows.par_iter().map(open_leaf).collect();
-        Self { leaves, density, places, weights }
+        Self { leaves, density, places, weights, moving: !boxes.is_empty() }
+    }
+
+    /// From now on guests, which stand for such areas, may be met; what rays met before they came is still known.
+    pub fn welcome(&mut self, sources: usize, areas: &[f64]) {
+        self.weights.truncate(sources);
+        self.weights.extend(areas);
+        self.leaves.iter_mut().for_each(|open| open.moved = OnceLock::new());
     }
 
     /// Whether a target leaf gets source j, in tree order, by rays over the hemispheres.
@@ -121,10 +163,17 @@ impl Gather {
         self.places.get(leaf).copied().flatten().map(|place| &self.leaves[place as usize])
     }
 
-    /// Rays of some of the leaves.
-    pub fn rays(&self, targets: &Octree, frame: &Frame, leaves: Range<usize>) -> GatherRays {
+    /// Rays of some of the leaves, those of them that are wanted by their origins and directions.
+    pub fn rays(
+        &self,
+        targets: &Octree,
+        frame: &Frame,
+        leaves: Range<usize>,
+        wanted: impl Fn([f32; 3], [f32; 3]) -> bool,
+    ) -> GatherRays {
         let mut rays = GatherRays::default();
         for open in &self.leaves[leaves] {
+            let mut place = 0;
             for i in targets.points_of(open.leaf as usize) {
                 let (x, n) = (targets.positions[i], targets.normals[i]);
                 let (s, t) = tangents(n);
@@ -134,11 +183,17 @@ impl Gather {
                 for k in 0..self.density {
                     let at = [(k as f64 + shift) / self.density as f64, GOLDEN * k as f64 + turn];
                     let d = cosine_direction(n, s, t, at);
-                    if open.directions.has(cell(d)) || dot(d, n) < ALONG {
-                        rays.points.push(i as u32);
-                        rays.origins.push(origin);
-                        rays.directions.push(d.map(|c| c as f32));
+                    if !open.directions.has(cell(d)) && dot(d, n) >= ALONG {
+                        continue;
                     }
+                    let direction = d.map(|c| c as f32);
+                    if wanted(origin, direction) {
+                        rays.points.push(i as u32);
+                        rays.places.push(place);
+                        rays.origins.push(origin);
+                        rays.directions.push(direction);
+                    }
+                    place += 1;
                 }
             }
         }
@@ -148,46 +203,99 @@ impl Gather {
     /// Takes what the rays of the same leaves met in a medium.
     pub fn take(
         &self,
-        trees: (&Octree, &Octree),
+        (targets, sources): (&Octree, &Octree),
         medium: &Medium,
         surface: &Surface,
         leaves: Range<usize>,
         met: &Met,
     ) -> Result<(), Error> {
-        same_length("ray directions", met.points.len(), met.directions.len())?;
-        same_length("triangles met", met.points.len(), met.triangles.len())?;
-        same_length("places met", met.points.len(), met.u.len())?;
-        same_length("places met", met.points.len(), met.v.len())?;
-        let (targets, sources) = trees;
-        let (mut ray, mut lengths) = (0, Vec::new());
+        met.check()?;
+        let mut ray = 0;
         for open in &self.leaves[leaves] {
             let points = targets.points_of(open.leaf as usize);
-            let (mut hits, mut reaches) = (Hits { starts: vec![0], ..Hits::default() }, Vec::new());
+            let (mut told, mut left) = (Told { starts: vec![0], rays: Vec::new() }, Vec::new());
             for i in points.clone() {
-                lengths.clear();
                 while ray < met.points.len() && met.points[ray] as usize == i {
-                    let (x, place) = (targets.positions[i], met.place(ray, surface));
-                    lengths.push(place.map_or(f64::INFINITY, |y| norm(sub(y, x))));
-                    if let Some(j) = met.source(ray, surface, sources).filter(|&j| open.counts(j)) {
-                        hits.sources.push(j);
-                        let place = place.filter(|_| !medium.is_clear());
-                        hits.left.extend(place.map(|y| medium.left(x, y).map(|left: f64| left as f32)));
+                    let x = targets.positions[i];
+                    let answer = self.answer(open, (x, sources), surface, met, ray);
+                    if answer.0 != NOTHING && !medium.is_clear() {
+                        let place = met.place(ray, surface);
+                        left.extend(place.map(|y| medium.left(x, y).map(|left: f64| left as f32)));
                     }
+                    told.rays.push(answer);
                     ray += 1;
                 }
-                reaches.push(blend::distance(&mut lengths));
-                hits.starts.push(hits.sources.len() as u32);
+                told.starts.push(told.rays.len() as u32);
             }
-            hits.blend = match open.parted {
-                true => Blend::none(points.len()),
-                false => {
-                    Blend::new(&targets.positions[points.clone()], &targets.normals[points], &reaches, self.density)
-                }
-            };
             // A leaf that was traced before keeps its answers.
-            let _ = open.hits.set(hits);
+            let _ = open.hits.set(self.hits(targets, open, &told, left));
+            if self.moving {
+                let _ = open.told.set(told);
+            }
         }
         Ok(())
+    }
+
+    /// Takes what some rays of leaves meet since something moved, in place of what they met before.
+    pub fn take_moved(
+        &self,
+        (targets, sources): (&Octree, &Octree),
+        surface: &Surface,
+        leaves: Range<usize>,
+        met: &Met,
+    ) -> Result<(), Error> {
+        met.check()?;
+        same_length("places of rays", met.points.len(), met.places.len())?;
+        let mut ray = 0;
+        for open in &self.leaves[leaves] {
+            let points = targets.points_of(open.leaf as usize);
+            let of_leaf = met.points[ray..].iter().take_while(|&&i| points.contains(&(i as usize))).count();
+            let (rays, known) = (ray..ray + of_leaf, open.told.get());
+            ray += of_leaf;
+            let (Some(known), false) = (known, rays.is_empty()) else { continue };
+            let mut told = known.clone();
+            for ray in rays {
+                let (place, count) = (met.places[ray] as usize, told.rays.len());
+                let x = targets.positions[met.points[ray] as usize];
+                let wrong = Error::Index { what: "place of a ray", index: place, count };
+                *told.rays.get_mut(place).ok_or(wrong)? = self.answer(open, (x, sources), surface, met, ray);
+            }
+            let _ = open.moved.set(self.hits(targets, open, &told, Vec::new()));
+        }
+        Ok(())
+    }
+
+    /// What a ray from x met.
+    fn answer(
+        &self,
+        open: &OpenLeaf,
+        (x, sources): ([f64; 3], &Octree),
+        surface: &Surface,
+        met: &Met,
+        ray: usize,
+    ) -> Ray {
+        let length = met.place(ray, surface).map_or(f64::INFINITY, |y| norm(sub(y, x)));
+        let source = met.source(ray, surface, sources, self.weights.len()).filter(|&j| open.counts(j));
+        (source.unwrap_or(NOTHING), length as f32)
+    }
+
+    fn hits(&self, targets: &Octree, open: &OpenLeaf, told: &Told, left: Vec<[f32; 3]>) -> Hits {
+        let points = targets.points_of(open.leaf as usize);
+        let mut hits = Hits { starts: vec![0], left, ..Hits::default() };
+        let (mut reaches, mut lengths) = (Vec::new(), Vec::new());
+        for ends in told.starts.windows(2) {
+            let rays = &told.rays[ends[0] as usize..ends[1] as usize];
+            hits.sources.extend(rays.iter().map(|ray| ray.0).filter(|&j| j != NOTHING));
+            hits.starts.push(hits.sources.len() as u32);
+            lengths.clear();
+            lengths.extend(rays.iter().map(|ray| f64::from(ray.1)));
+            reaches.push(blend::distance(&mut lengths));
+        }
+        hits.blend = match open.parted {
+            true => Blend::none(points.len()),
+            false => Blend::new(&targets.positions[points.clone()], &targets.normals[points], &reaches, self.density),
+        };
+        hits
     }
 
     /// Radiosity (N, C) of the sources from their strengths, both in tree order.
@@ -198,7 +306,7 @@ impl Gather {
     /// Adds what arrives at the points of a target leaf from the radiosity of the sources; `clear` as if nothing were
     /// absorbed.
     pub fn add<const C: usize>(&self, leaf: usize, radiosity: &[[f64; C]], clear: bool, irradiance: &mut [[f64; C]]) {
-        let Some(hits) = self.of(leaf).and_then(|open| open.hits.get()) else { return };
+        let Some(hits) = self.of(leaf).and_then(OpenLeaf::hits) else { return };
         let share = 1.0 / self.density as f64;
         let left: &[[f32; 3]] = if clear { &[] } else { &hits.left };
         let own = |ends: &[u32]| {
@@ -217,7 +325,7 @@ impl Gather {
     pub fn sent(&self, targets: &Octree, areas: &[[f64; 1]], sent: &mut [[f64; 1]]) {
         let share = 1.0 / self.density as f64;
         for open in &self.leaves {
-            let Some(hits) = open.hits.get() else { continue };
+            let Some(hits) = open.hits() else { continue };
             let areas = hits.blend.transposed(&areas[targets.points_of(open.leaf as usize)]);
             for (ends, area) in hits.starts.windows(2).zip(areas) {
                 for &j in &hits.sources[ends[0] as usize..ends[1] as usize] {
@@ -229,11 +337,16 @@ impl Gather {
 
     /// Sources met from all points together.
     pub fn count(&self) -> usize {
-        self.leaves.iter().filter_map(|open| open.hits.get()).map(|hits| hits.sources.len()).sum()
+        self.leaves.iter().filter_map(OpenLeaf::hits).map(|hits| hits.sources.len()).sum()
     }
 }
 
 impl OpenLeaf {
+    /// What its rays meet now.
+    fn hits(&self) -> Option<&Hits> {
+        self.moved.get().or_else(|| self.hits.get())
+    }
+
     fn counts(&self, j: u32) -> bool {
         let after = self.closed.partition_point(|range| range.start <= j);
         after == 0 || j >= self.closed[after - 1].end
@@ -254,22 +367,39 @@ fn ranges(sources: &Octree, boxes: &[u32]) -> Vec<Range<u32>> {
     ranges
 }
 
-/// The directions in which the source boxes of a leaf's open pairs lie.
-fn directions(targets: &Octree, sources: &Octree, margin: &[f64], row: &[(u32, u32)], cube: &Cube) -> Mask {
+/// The directions in which the source boxes of a leaf's open pairs lie, and other boxes.
+fn directions(
+    targets: &Octree,
+    (sources, margin): (&Octree, &[f64]),
+    (leaf, row): (u32, &[(u32, u32)]),
+    boxes: &[Bounds],
+    cube: &Cube,
+) -> Mask {
     let mut mask = Mask::default();
-    let (middle, radius) = sphere(targets, row[0].0 as usize);
+    let (middle, radius) = sphere([targets.low[leaf as usize], targets.high[leaf as usize]]);
     for &(_, s) in row {
-        let (centre, reach) = sphere(sources, s as usize);
+        let (centre, reach) = sphere([sources.low[s as usize], sources.high[s as usize]]);
         cube.mark(sub(centre, middle), radius + reach + margin[s as usize], &mut mask);
+    }
+    for &bounds in boxes {
+        let (centre, reach) = sphere(bounds);
+        cube.mark(sub(centre, middle), radius + reach, &mut mask);
     }
     mask
 }
 
 impl Met<'_> {
-    /// The source that a ray met, tree order; none behind a surface that has only a front.
-    fn source(&self, ray: usize, surface: &Surface, sources: &Octree) -> Option<u32> {
+    fn check(&self) -> Result<(), Error> {
+        same_length("ray directions", self.points.len(), self.directions.len())?;
+        same_length("triangles met", self.points.len(), self.triangles.len())?;
+        same_length("places met", self.points.len(), self.u.len())?;
+        same_length("places met", self.points.len(), self.v.len())
+    }
+
+    /// The source that a ray met, tree order, or a guest, of so many of both; none behind a surface that has only a front.
+    fn source(&self, ray: usize, surface: &Surface, sources: &Octree, count: usize) -> Option<u32> {
         let j = surface.met(self.triangles[ray], (self.u[ray], self.v[ray]), self.directions[ray])?;
-        sources.to_tree.get(j as usize).copied()
+        sources.to_tree.get(j as usize).copied().or(Some(j).filter(|&j| (j as usize) < count))
     }
 
     /// Where a ray ended, if it met anything.
@@ -278,7 +408,7 @@ impl Met<'_> {
     }
 }
 
-/// Middle of the bounding box of the points of a box, and half its diagonal.
-fn sphere(tree: &Octree, b: usize) -> ([f64; 3], f64) {
-    (scale(add(tree.low[b], tree.high[b]), 0.5), 0.5 * norm(sub(tree.high[b], tree.low[b])))
+/// Middle of a box, and half its diagonal.
+fn sphere([low, high]: Bounds) -> ([f64; 3], f64) {
+    (scale(add(low, high), 0.5), 0.5 * norm(sub(high, low)))
 }

@@ -27,6 +27,7 @@ mod lists_traversal;
 pub mod medium;
 pub mod meshes;
 mod mirror;
+pub mod moving;
 pub mod near_field;
 pub mod octree;
 mod octree_build;

@@ -172,6 +172,8 @@ pub struct Links {
     /// Place in `leaves` of each target box that has links.
     places: HashMap<u32, usize>,
     bits: Vec<AtomicU64>,
+    /// The bits as they were before anything moved.
+    still: Vec<u64>,
 }
 
 /// Bits of a slot that hold the number of its first bit; the rest hold how many follow it.
@@ -196,7 +198,7 @@ impl Links {
             words += targets.count(leaf as usize) * width.div_ceil(64);
         }
         let bits = (0..words).map(|_| AtomicU64::new(u64::MAX)).collect();
-        Self { leaves, runs, places, bits }
+        Self { leaves, runs, places, bits, still: Vec::new() }
     }
 
     /// Pairs of a point and what counts as one source for it.
@@ -255,6 +257,22 @@ impl Links {
             self.clear(slot);
         }
         Ok(())
+    }
+
+    /// All bits as they were when this was called first.
+    pub fn restore(&mut self) {
+        if self.still.is_empty() {
+            self.still = self.bits.iter().map(|word| word.load(Ordering::Relaxed)).collect();
+        }
+        self.bits.iter_mut().zip(&self.still).for_each(|(word, &still)| *word.get_mut() = still);
+    }
+
+    /// Sets the bits of a slot.
+    pub(crate) fn set(&self, slot: u64) {
+        let first = slot & ((1 << SLOT_BITS) - 1);
+        for bit in first..=first + (slot >> SLOT_BITS) {
+            self.bits[bit as usize / 64].fetch_or(1 << (bit % 64), Ordering::Relaxed);
+        }
     }
 
     /// Clears the bits of a slot.

@@ -39,6 +39,11 @@ impl Frame {
         steps.into_iter().fold(0, |number, step| (number << 21) ^ step as u64)
     }
 
+    /// A place in the box that rays are traced in.
+    pub fn inside(&self, x: [f64; 3]) -> [f64; 3] {
+        self.map(x, [0.0; 3]).into()
+    }
+
     /// Where rays from a surface point with a unit normal start.
     pub fn start(&self, x: [f64; 3], n_x: [f64; 3]) -> [f32; 3] {
         self.map(x, n_x).as_vec3().into()

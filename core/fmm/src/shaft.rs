@@ -247,7 +247,19 @@ impl<'a> Shaft<'a> {
     }
 }
 
+/// Whether no way between any point of the one box and any of the other goes through a third one.
+pub fn is_passed_by(a: &End, b: &End, [low, high]: [Vector; 2]) -> bool {
+    Shaft::new(a, b).misses_box(low, high, 0.0)
+}
+
 impl End {
+    /// What points are in, whichever way they look.
+    pub fn around(points: &[Vector]) -> Self {
+        let start = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        let (low, high) = points.iter().fold(start, |b, &x| (low(b.0, x), high(b.1, x)));
+        Self { low, high, plane: None }
+    }
+
     /// A box of an octree with normals.
     pub fn new(tree: &Octree, b: usize) -> Self {
         let cone = tree.cone[b];

@@ -11,6 +11,7 @@ use crate::kernel;
 use crate::links::{Links, Run, Weights};
 use crate::lists::{ListsOptions, cells_between};
 use crate::medium::Medium;
+use crate::moving::Bounds;
 use crate::octree::{NO_BOX, Octree};
 use crate::octree_build::EMITTERS;
 use crate::places::Places;
@@ -99,6 +100,13 @@ impl Rays {
         self.origins.push(origin);
         self.directions.push(direction);
     }
+
+    /// The first ones only.
+    pub(crate) fn truncate(&mut self, count: usize) {
+        self.slots.truncate(count);
+        self.origins.truncate(count);
+        self.directions.truncate(count);
+    }
 }
 
 /// The octrees and what is known of their points.
@@ -120,6 +128,8 @@ pub struct View {
     pub margin: Vec<f64>,
     pub places: Places,
     pub blockers: Blockers,
+    /// What things may move in.
+    pub moving: Vec<Bounds>,
     pub medium: Medium,
     /// What ends the volumes that absorb.
     pub absorbing: Blockers,
@@ -221,13 +231,10 @@ impl Visibility {
             for (row, i) in view.targets.points_of(leaf.leaf as usize).enumerate() {
                 let turn = hash(i as u64);
                 let first = |place: &usize| (*place as u64 ^ turn).is_multiple_of(stride);
-                let draw = |place: usize| view.draw(links, links.run(leaf, place), i, turn);
+                let draw = |place: usize| view.draw(links, links.run(leaf, place), i);
                 let mut ask = |place: usize| {
-                    let (pair, slot) = ((i, draw(place)), links.slot_at(leaf, row, place));
-                    // Of several sources another one is drawn for each point anyway.
-                    let alone = links.run(leaf, place).points.len() == 1;
-                    let face = if alone { View::push_within } else { View::push };
-                    if !face(view, pair, slot, &mut rays) {
+                    let slot = links.slot_at(leaf, row, place);
+                    if !view.push_to_run(links, i, links.run(leaf, place), slot, &mut rays) {
                         links.clear(slot);
                     }
                 };
@@ -329,14 +336,22 @@ impl View {
     }
 
     /// The source of a run that a point is asked to see, drawn by what it gets from there.
-    fn draw(&self, links: &Links, run: &Run, i: usize, turn: u64) -> usize {
-        let random = unit(hash(turn ^ u64::from(run.points.start) << 32));
+    fn draw(&self, links: &Links, run: &Run, i: usize) -> usize {
+        let random = unit(hash(hash(i as u64) ^ u64::from(run.points.start) << 32));
         links.runs.point(self.targets.positions[i], self.targets.normals[i], run, &self.weights, random)
     }
 
     fn face(&self, i: usize, j: usize) -> bool {
         let (targets, sources) = (&self.targets, &self.sources);
         facing(targets.positions[i], targets.normals[i], sources.positions[j], sources.normals[j])
+    }
+
+    /// Adds the ray from a point to what it is asked to see of a run; false where they do not face each other.
+    pub(crate) fn push_to_run(&self, links: &Links, i: usize, run: &Run, slot: u64, rays: &mut Rays) -> bool {
+        let pair = (i, self.draw(links, run, i));
+        // Of several sources another one is drawn for each point anyway.
+        let face = if run.points.len() == 1 { Self::push_within } else { Self::push };
+        face(self, pair, slot, rays)
     }
 
     /// Adds the ray between two points; false where they do not face each other.

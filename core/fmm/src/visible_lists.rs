@@ -72,7 +72,8 @@ impl Visibility {
             boxes
         };
         let parted = |leaf: u32| view.is_parted(leaf as usize);
-        Gather::new((&view.targets, &view.sources), &view.margin, open, summed, parted, areas, self.options.density)
+        let trees = (view.targets.as_ref(), view.sources.as_ref());
+        Gather::new(trees, &view.margin, &view.moving, open, summed, parted, areas, self.options.density)
     }
 
     /// Into how many runs the source box of a link is cut, and each of these into how many parts; `scale` of its share.

@@ -91,6 +91,7 @@ class Fmm:
         patches: tuple[NDArray[np.float64], NDArray[np.float64]],
         frame: tuple[tuple[float, float, float], float, float],
         effort: tuple[float, float, float, float, int],
+        moving: list[NDArray[np.float64]] = ...,
     ) -> None: ...
     def near_field(
         self,
@@ -110,6 +111,22 @@ class Fmm:
         leaves: tuple[int, int],
         points: NDArray[np.uint32],
         directions: NDArray[np.float32],
+        triangles: NDArray[np.int32],
+        u: NDArray[np.float32],
+        v: NDArray[np.float32],
+    ) -> None: ...
+    def move_to(self, boxes: list[NDArray[np.float64]], areas: NDArray[np.float64]) -> None: ...
+    def moved_link_rays(
+        self, start: int, stop: int
+    ) -> tuple[NDArray[np.uint64], NDArray[np.float32], NDArray[np.float32]]: ...
+    def moved_gather_rays(
+        self, start: int, stop: int
+    ) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32], NDArray[np.float32]]: ...
+    def take_moved_hits(
+        self,
+        surface: Surface,
+        leaves: tuple[int, int],
+        rays: tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]],
         triangles: NDArray[np.int32],
         u: NDArray[np.float32],
         v: NDArray[np.float32],

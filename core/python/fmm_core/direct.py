@@ -20,7 +20,7 @@ class DirectSpace:
     """Operators by the direct sum; see `transport.Space`."""
 
     def __init__(self, sums: Sums) -> None:
-        self.sums = sums
+        self.sums, self.order = sums, None
         self._lit, self._closed = np.ones((len(sums.particles), 1), bool), False
         self._gathered: tuple[NDArray[np.float64], NDArray[np.float64], list[Operator]] | None = None
 

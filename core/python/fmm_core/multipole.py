@@ -2,6 +2,7 @@
 """The fast multipole method: octrees, interaction lists and expansions in place of the sum over all pairs."""
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,11 @@ from .balance import Shares, is_watertight, looks_closed
 from .cost import choose_grouping
 from .progress import Tick, silent
 from .settings import RAYS, Settings
-from .transport import Operator, Sums
+from .transport import Near, Operator, Sums
 
 Points = NDArray[np.float64]
-
+#: Lowest and highest corner (2, 3) of each.
+Boxes = Sequence[NDArray[np.float64]]
 
 #: Points in a leaf for so many particles: with shadows leaves cost more than pairs of points.
 LEAF_POINTS, LEAF_PARTICLES = 64, 20_000
@@ -40,12 +42,14 @@ class MultipoleSpace:
     grouping   the s in use, chosen by the cost model where the settings leave it open
     counts     how much work the exchange does, by pass
     pairs      pairs of boxes that see each other as a whole, that were postponed because they may not, and that do not
+    order      (T,) the triangles of the scene in the order of the particles, None where that is its own
     open       whether nothing is in the way of anything
     occlusion_seconds   seconds that visibility took in the sum made last
     """
 
-    def __init__(self, sums: Sums, settings: Settings) -> None:
-        self.sums, self.settings = sums, settings
+    def __init__(self, sums: Sums, settings: Settings, boxes: Boxes = ()) -> None:
+        """boxes: what things may move in later."""
+        self.sums, self.settings, self._boxes = sums, settings, list(boxes)
         particles = sums.particles
         self.grouping = settings.grouping or LEAF_POINTS * max(1, round(len(particles) / LEAF_PARTICLES))
         if settings.grouping is None and settings.level is None and not sums.keeps_energy:
@@ -53,8 +57,14 @@ class MultipoleSpace:
         self.counts: dict[str, int] = {}
         self.pairs = (0, 0, 0)
         self.occlusion_seconds, self.open = 0.0, True
+        self.order: NDArray[np.int64] | None = None
         self._gathered: tuple[Points, Points, float, Operator] | None = None
         self._lit, self._closed = np.ones((len(particles), 1), bool), False
+
+    @property
+    def asked(self) -> tuple[Points, Points] | None:
+        """The points (M, 3) that were asked for last, with their normals (M, 3)."""
+        return None if self._gathered is None else self._gathered[:2]
 
     def use(self, settings: Settings) -> None:
         """Gathers with other settings from now on."""
@@ -98,8 +108,8 @@ class MultipoleSpace:
     ) -> Points:
         if len(points) == 0:
             return np.zeros((0, radiosity.shape[1]))
-        rays = max(LEAST_RAYS, effort * self.settings.rays)
-        if self._gathered is None or not _same(self._gathered, points, normals, rays):
+        rays = least_rays(effort * self.settings.rays)
+        if not self._has(points, normals, rays):
             fmm, correction = self._fmm((points, normals), points, normals, rays, tick)
             operator = Operator(self.sums.particles, lambda q, clear: fmm.apply(q, clear)[0], correction)
             if self.sums.keeps_energy:
@@ -110,11 +120,24 @@ class MultipoleSpace:
     def _fmm(
         self, targets: tuple[Points, Points] | None, points: Points, normals: Points, rays: float, tick: Tick
     ) -> tuple[_binding.Fmm, _binding.Correction]:
-        """The sum at the targets, None for the particles themselves, by about so many rays each, and what
-        corrects it near patches.
+        """As `traced`, and what corrects the sum near patches."""
+        fmm, near = self.traced(targets, points, normals, rays, tick)
+        return fmm, near.correction(self.sums.sources)
+
+    def _has(self, points: Points, normals: Points, rays: float) -> bool:
+        """Whether these were asked for last."""
+        if self._gathered is None:
+            return False
+        known, of_known, of_rays, _ = self._gathered
+        return np.array_equal(known, points) and np.array_equal(of_known, normals) and of_rays == rays
+
+    def traced(
+        self, targets: tuple[Points, Points] | None, points: Points, normals: Points, rays: float, tick: Tick
+    ) -> tuple[_binding.Fmm, Near]:
+        """The sum at the targets, None for the particles themselves, by about so many rays each, and the patches that
+        are near them.
         """
         particles, settings = self.sums.particles, self.settings
-        occlusion = self.sums.occlusion
         fmm = _binding.Fmm(
             (particles.positions, particles.normals),
             particles.softening,
@@ -125,7 +148,7 @@ class MultipoleSpace:
             settings.separation,
             settings.expansion_in_use,
             emitters=particles.emits,
-            scene=occlusion.triangles if occlusion and self.settings.visibility == "rays" else None,
+            scene=self._blockers(),
             medium=self.sums.medium,
         )
         tick(0.1)
@@ -133,9 +156,13 @@ class MultipoleSpace:
         occluded = self._occlude(fmm, len(points), rays, tick)
         self.occlusion_seconds = time.perf_counter() - start
         self.open = self.open and not occluded
-        if not occluded:
-            return fmm, self.sums.correction(points, normals, fmm=fmm, open_space=True)
-        return fmm, self.sums.correction(points, normals, fmm=fmm)
+        return fmm, self.sums.near(points, normals, fmm, open_space=not occluded)
+
+    def _blockers(self) -> NDArray[np.float64] | None:
+        """(T, 3, 3) what may be in the way, now or later; None where nothing is, or cells tell."""
+        if not self.sums.occlusion or self.settings.visibility != "rays":
+            return None
+        return np.concatenate([self.sums.occlusion.triangles, *map(faces, self._boxes)])
 
     def _occlude(self, fmm: _binding.Fmm, points: int, rays: float, tick: Tick) -> bool:
         """Reduces the lists of a sum to visible ones; false where nothing can be in the way."""
@@ -149,14 +176,26 @@ class MultipoleSpace:
         tick(0.2)
         weights, radii = particles.visibility_weights, particles.of_points(particles.radii)
         effort, known = _effort(rays), (particles.weights, weights, self.sums.reach, self.sums.coarse, radii)
-        occlusion.occlude(fmm, known, (particles.patches, particles.rule), effort)
+        occlusion.occlude(fmm, known, (particles.patches, particles.rule), effort, self._boxes)
         occlusion.trace(fmm, self.sums.surface, points, effort[-1], tick)
         return True
 
 
 def particle_rays(settings: Settings, count: int) -> float:
     """Rays of each of so many particles: what single ones of many get wrong averages out in what they send."""
-    return max(LEAST_RAYS, min(1.0, (MANY / count) ** 0.5 / EXCHANGE_SHARE) * settings.rays)
+    return least_rays(min(1.0, (MANY / count) ** 0.5 / EXCHANGE_SHARE) * settings.rays)
+
+
+def least_rays(rays: float) -> float:
+    """So many, or as many as anything gets."""
+    return max(LEAST_RAYS, rays)
+
+
+def faces(box: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(12, 3, 3) the triangles around a box, given as its lowest and highest corner (2, 3)."""
+    corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    squares = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
+    return corners[[three for a, b, c, d in squares for three in ((a, b, c), (a, c, d))]]
 
 
 def _effort(rays: float) -> tuple[float, float, float, float, int]:
@@ -164,7 +203,3 @@ def _effort(rays: float) -> tuple[float, float, float, float, int]:
     aimed = AIMED * rays * max(1.0, RAYS / rays) ** TO_EMITTERS
     runs = min(1.0, (200 / aimed) ** 0.5)
     return 0.8 / aimed, 0.4, 0.8 * runs, 0.1 * runs, round(HEMISPHERE * rays)
-
-
-def _same(gathered: tuple[Points, Points, float, Operator], points: Points, normals: Points, rays: float) -> bool:
-    return np.array_equal(gathered[0], points) and np.array_equal(gathered[1], normals) and gathered[2] == rays

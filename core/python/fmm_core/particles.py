@@ -212,6 +212,30 @@ def bisected(particles: Particles, rows: NDArray[np.int64]) -> Particles:
         edges=edges,
         fractions=fractions,
         parts=parts,
+
+
+def joined(first: Particles, second: Particles) -> Particles:
+    """The particles of two scenes in one, with one rule: the triangles of the second follow those of the first."""
+    own, others = len(first.solid), len(second.solid)
+    parts = first.parts.copy(), second.parts.copy()
+    # The triangles of both are the first nodes; what they are cut into follows.
+    parts[0][first.edges >= 0] += np.uint32(others)
+    parts[1][second.edges >= 0] += np.uint32(len(first.edges))
+    patches = (second.edges < 0)[:, None] & (second.parts != NO_PATCH)
+    parts[1][patches] += np.uint32(len(first.areas))
+
+    def nodes(one: NDArray, other: NDArray) -> NDArray:
+        return np.concatenate([one[:own], other[:others], one[own:], other[others:]])
+
+    names = "positions", "normals", "weights", "hidden", "emits", "patches", "areas", "radii", "whole", "solid"
+    both = {name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in names}
+    return replace(
+        first,
+        **both,
+        triangle=np.concatenate([first.triangle, own + second.triangle]),
+        edges=nodes(first.edges, second.edges),
+        fractions=nodes(first.fractions, second.fractions),
+        parts=nodes(*parts),
     )
 
 

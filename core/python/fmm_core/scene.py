@@ -154,6 +154,13 @@ class Scene:
         scene.sky = None if self.sky is None else _checked_sky(Sky(self.sky.radiance * passes))
         return scene
 
+    def only(self, rows: NDArray) -> "Scene":
+        """The same with some of its triangles (T,), by number or by whether they are among them; opacity is to be 1."""
+        scene = copy.copy(self)
+        for name in ("triangle_indices", "triangles", "albedo", "emission", "two_sided"):
+            setattr(scene, name, _frozen(np.ascontiguousarray(getattr(self, name)[rows])))
+        return scene
+
     def near_origin(self) -> "Scene":
         """The scene, moved to the origin if it is so far away that its coordinates are coarse against its size."""
         if np.abs(self.centre).max() <= FAR * self.size:

@@ -22,6 +22,7 @@ from .harmonics import Tilted
 from .incident import Incident
 from .kept import KeptVisibility
 from .lights import Light
+from .moving import precedes
 from .multipole import MultipoleSpace
 from .particles import Particles, serve
 from .progress import Progress, Tick, silent, ticker
@@ -29,6 +30,7 @@ from .report import Report, unmeasured
 from .scene import Scene
 from .settings import Settings
 from .sky import Sky
+from .transport import Space
 
 Points = NDArray[np.float64]
 
@@ -99,6 +101,11 @@ class Solution:
         self._report.counts["rays"] = self._space.sums.rays - self._report.traced
         self._report.kept |= self._space.sums.replayed > 0
         return irradiance
+
+    @property
+    def space(self) -> Space:
+        """What makes its sums."""
+        return self._space
 
     @property
     def received(self) -> NDArray[np.float64]:
@@ -256,7 +263,13 @@ class Solution:
         that share a particle no longer have one albedo.
         """
         scene = scene.near_origin()
+        if self.space.order is not None and len(scene.triangles) == len(self.space.order):
+            scene = scene.only(self.space.order)
         return self.scene.same_geometry(scene) and serve(self.particles, self._first, scene)
+
+    def precedes(self, scene: Scene) -> bool:
+        """Whether `solve` makes use of this solution where it comes before the scene, as that of the frame before."""
+        return precedes(self, scene.near_origin())
 
     def relight(
         self,

@@ -10,6 +10,7 @@ from .effects import plan, planned
 from .errors import Error, memory_errors
 from .exchange import Exchange
 from .kept import KeptVisibility
+from .moving import next_frame
 from .multipole import MultipoleSpace
 from .particles import bisected, make_particles, serve
 from .progress import Progress
@@ -34,6 +35,7 @@ def solve(
     settings: Settings | None = None,
     progress: Progress | None = None,
     kept: KeptVisibility | None = None,
+    before: Solution | None = None,
 ) -> Solution:
     """Solves the radiosity equation B = E + albedo * (direct + irradiance(B)) (eq 1) for a scene.
 
@@ -42,6 +44,8 @@ def solve(
     progress(fraction, text) is called now and then; a false answer other than None cancels, which raises `Cancelled`.
     kept: what rays found in earlier solves of these triangles, which is not traced again; what is traced is added.
     Where it is of no use, a warning of the report says why.
+    before: the solution of an earlier frame, solved with the same settings. Where only a few things have moved since,
+    and lamps, the rays of all others are kept, see `moving.py`, and the solution is not to be asked any more.
     Raises `Error` on bad input or when memory does not suffice.
     """
     settings = Settings() if settings is None else settings
@@ -49,6 +53,11 @@ def solve(
         raise Error(f"solve: expected a Scene and Settings, got {type(scene).__name__} and {type(settings).__name__}")
     if not isinstance(kept, KeptVisibility | None):
         raise Error(f"kept: expected KeptVisibility or None, got {type(kept).__name__}")
+    if not isinstance(before, Solution | None):
+        raise Error(f"before: expected Solution or None, got {type(before).__name__}")
+    if before is not None and kept is None and before.settings == settings and before.precedes(scene):
+        with memory_errors():
+            return _moved(before, scene.near_origin(), progress)
     return solve_with(scene, settings, settings.begin(), progress, kept)
 
 
@@ -104,6 +113,20 @@ def _solve(
     report.counts["rays"], report.kept = sums.rays, sums.replayed > 0
     used = replace(settings, particles=count)
     return Solution(whole, scene, asked, used, exchange, radiosity, report, kept, first)
+
+
+def _moved(before: Solution, scene: Scene, progress: Progress | None) -> Solution:
+    """The next frame after a solution that precedes the scene."""
+    settings, effects = before.used, plan(scene, before.used)
+    report = Report(settings, scene, effects)
+    with report.time("tree"):
+        whole, space = next_frame(before, scene)
+    left = planned(whole, effects)
+    report.counts.update(triangles=len(scene.triangles), particles=len(space.sums.particles))
+    exchange = Exchange(space, settings)
+    radiosity = exchange.radiosity(left, report, progress)
+    report.counts["rays"], report.kept = space.sums.rays, True
+    return Solution(whole, left, before.settings, settings, exchange, radiosity, report, None, left)
 
 
 def _few(scene: Scene, settings: Settings, count: int, degree: int) -> bool:

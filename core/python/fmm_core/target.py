@@ -37,6 +37,7 @@ def solve_at(
     progress: Progress | None = None,
     kept: KeptVisibility | None = None,
     effort: float = 1.0,
+    before: Solution | None = None,
 ) -> tuple[Solution, NDArray[np.float64]]:
     """`solve` and the irradiance (M, 3) at points with normals (M, 3), as `Solution.irradiance` finds it.
 
@@ -46,7 +47,7 @@ def solve_at(
     """
     target = settings.target_error
     several = target is not None
-    solution = solve(scene, settings, _part(progress, 0, several, 0.0, 0.8), kept)
+    solution = solve(scene, settings, _part(progress, 0, several, 0.0, 0.8), kept, before)
     irradiance = solution.irradiance(points, normals, _part(progress, 0, several, 0.8, 1.0), effort)
     rounds, before = solution.report["rounds"], None
     if not rounds:

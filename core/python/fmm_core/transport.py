@@ -2,6 +2,7 @@
 """Linear operators from the particles' radiosity to irradiance at fixed receivers."""
 
 from collections.abc import Callable
+from copy import copy
 from functools import cached_property
 from typing import Protocol
 
@@ -85,10 +86,27 @@ class Operator:
         return irradiance
 
 
+def passing(
+    starts: NDArray[np.float64], ends: NDArray[np.float64], boxes: list[NDArray[np.float64]]
+) -> NDArray[np.bool_]:
+    """(R,) which ways between starts and ends (R, 3) pass through boxes (2, 3)."""
+    found, way = np.zeros(len(starts), bool), ends - starts
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for low, high in boxes:
+            one, other = (low - starts) / way, (high - starts) / way
+            # What does not move along an axis is between two faces all the way, or never.
+            always = np.where((low <= starts) & (starts <= high), -np.inf, np.inf)
+            enters = np.where(way == 0, always, np.minimum(one, other))
+            leaves = np.where(way == 0, -always, np.maximum(one, other))
+            found |= np.maximum(enters.max(axis=1), 0.0) <= np.minimum(leaves.min(axis=1), 1.0)
+    return found
+
+
 class Space(Protocol):
     """Makes operators from the particles of one scene to any receivers."""
 
     sums: "Sums"
+    order: NDArray[np.int64] | None
 
     def exchange(self, tick: Tick = silent) -> Operator:
         """The operator from the particles to themselves."""
@@ -104,6 +122,58 @@ class Space(Protocol):
         """Irradiance (M, C) at any points for the particles' radiosity (N, C), by this share of the rays of the
         settings if rays are drawn at random.
         """
+
+
+class Near:
+    """Patches near points (M, 3) with normals (M, 3), and what these see of them.
+
+    seen        what a sum has of them, as `Fmm.near_seen` of the core tells it, or None
+    fractions   of each of their points, 1 where it is seen; asked: those that rays told
+    """
+
+    def __init__(
+        self,
+        field: _binding.NearField,
+        ends: tuple[NDArray[np.float64], NDArray[np.float64]],
+        particles: Particles,
+        fmm: _binding.Fmm | None,
+    ) -> None:
+        self.field, self._ends, self._particles = field, ends, particles
+        self.seen = None if fmm is None else fmm.near_seen(field, particles.per_patch)
+        self.fractions = np.ones(particles.per_patch * len(field))
+        self.asked = field.form_factors() > 0
+        if self.seen is not None:
+            counted, known = self.seen
+            self.fractions[known] = counted[known]
+            self.asked &= ~known
+
+    def ask(self, occlusion: Occlusion, asked: NDArray[np.bool_]) -> None:
+        """Finds by rays which are seen, of those that are to be asked."""
+        self.fractions[asked] = occlusion.visible_targets(*self.ends(asked))
+
+    def ends(self, asked: NDArray[np.bool_]) -> tuple[NDArray[np.float64], ...]:
+        """Both ends (R, 3) of the rays to some, with their normals: points, normals, targets, normals."""
+        (points, normals), particles, per_patch = self._ends, self._particles, self._particles.per_patch
+        rows = np.repeat(np.arange(len(points)), per_patch * np.diff(self.field.starts()).astype(np.int64))[asked]
+        patch_normals = np.repeat(particles.normals[self.field.patches() * per_patch], per_patch, axis=0)[asked]
+        return points[rows], normals[rows], self.field.targets()[asked], patch_normals
+
+    def among(self, fmm: _binding.Fmm, occlusion: Occlusion, boxes: list[NDArray[np.float64]]) -> "Near":
+        """The same once a sum has things in boxes (2, 3): rays that pass there are traced again."""
+        near = copy(self)
+        near.seen = fmm.near_seen(self.field, self._particles.per_patch)
+        counted, known = near.seen
+        near.fractions = np.where(known, counted, self.fractions)
+        places = np.flatnonzero(self.asked)
+        x, _, y, _ = self.ends(self.asked)
+        passes = np.zeros(len(self.asked), bool)
+        passes[places[passing(x, y, boxes)]] = True
+        near.ask(occlusion, passes)
+        return near
+
+    def correction(self, sources: _binding.Sources, visible: NDArray[np.uint64] | None = None) -> _binding.Correction:
+        """Exact minus point kernel; `visible` or `seen` tells which points the sum has."""
+        return _binding.Correction(self.field, *self._ends, sources, self.fractions, visible, self.seen)
 
 
 class Sums:
@@ -123,7 +193,7 @@ class Sums:
         medium: _binding.Medium,
     ) -> None:
         self.particles, self.occlusion, self.near_reach = particles, occlusion, near_reach
-        self._room, self.medium = room, medium
+        self._room, self.medium, self.near_reach = room, medium, near_reach
         self._sight: tuple[NDArray[np.float64], Sight] | None = None
         # A group of triangles has no exact form factor: what is so near is found by rays.
         self._reach = (1 + ROUNDING) * near_reach * particles.radii * particles.whole
@@ -191,35 +261,24 @@ class Sums:
             self._sight = points, find_sight(self.occlusion, points, normals, corners)
         return self._sight[1]
 
-    def correction(
+    def near(
         self,
         points: NDArray[np.float64],
         normals: NDArray[np.float64],
-        visible: NDArray[np.uint64] | None = None,
         fmm: _binding.Fmm | None = None,
         open_space: bool = False,
-    ) -> _binding.Correction:
-        """Exact minus point kernel for near patches; `visible` or `fmm` tells which points the sum has.
+    ) -> Near:
+        """The patches near points (M, 3), as far as a sum leaves them to their exact form factors.
 
         open_space: nothing can be in the way, so that no ray is needed.
         """
         particles = self.particles
         asked_for = points, normals, particles.patches, self._reach, particles.rule
-        near = _binding.NearField(*asked_for) if fmm is None or open_space else fmm.near_field(*asked_for)
-        per_patch = particles.per_patch
-        fractions = np.ones(per_patch * len(near))
-        seen = None if fmm is None else fmm.near_seen(near, per_patch)
+        field = _binding.NearField(*asked_for) if fmm is None or open_space else fmm.near_field(*asked_for)
+        near = Near(field, (points, normals), particles, fmm)
         if self.occlusion is not None and not open_space:
-            asked = near.form_factors() > 0
-            if seen is not None:
-                counted, known = seen
-                fractions[known] = counted[known]
-                asked &= ~known
-            rows = np.repeat(np.arange(len(points)), per_patch * np.diff(near.starts()).astype(np.int64))[asked]
-            patch_normals = np.repeat(particles.normals[near.patches() * per_patch], per_patch, axis=0)[asked]
-            ends = points[rows], normals[rows], near.targets()[asked], patch_normals
-            fractions[asked] = self.occlusion.visible_targets(*ends)
-        return _binding.Correction(near, points, normals, self.sources, fractions, visible, seen)
+            near.ask(self.occlusion, near.asked)
+        return near
 
     def direct_operator(
         self, points: NDArray[np.float64], normals: NDArray[np.float64], symmetric: bool = False, tick: Tick = silent
@@ -233,4 +292,5 @@ class Sums:
             return self.sources.irradiance(points, normals, strengths, visible, clear)
 
         mirrored = (lambda areas: summation(areas, True)) if symmetric else None
-        return Operator(self.particles, summation, self.correction(points, normals, visible), mirrored)
+        correction = self.near(points, normals).correction(self.sources, visible)
+        return Operator(self.particles, summation, correction, mirrored)

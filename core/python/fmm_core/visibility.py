@@ -251,13 +251,15 @@ class Occlusion:
         sources: tuple[NDArray[np.float64], ...],
         patches: tuple[NDArray[np.float64], NDArray[np.float64]],
         effort: tuple[float, float, float, float, int],
+        boxes: list[NDArray[np.float64]],
     ) -> None:
         """Makes the visible lists of a fast multipole sum among the triangles (section 5 of the paper).
 
         sources: areas, weights, reach, coarse and radii (N,) as `Occluded` of the core has them; patches (P, 3, 3) of
-        the sources, and where these are on each; effort as its `VisibilityOptions`.
+        the sources, and where these are on each; effort as its `VisibilityOptions`;
+        boxes (2, 3) that things may move in later.
         """
-        fmm.occlude(list(sources), patches, self.frame, effort)
+        fmm.occlude(list(sources), patches, self.frame, effort, boxes)
 
     def trace(
         self,
@@ -287,6 +289,23 @@ class Occlusion:
             size = BATCH * max(1, leaves) // max(1, points * rays // 2)
             size = min(max(1, size), max(1, leaves // LEAST_BATCHES))
             self.rays += run_blocks(work, leaves, size, lambda done, start=start: tick(start + 0.3 * done))
+
+    def trace_moved(self, fmm: _binding.Fmm, surface: _binding.Surface) -> None:
+        """Traces those rays of a traced sum that pass where things have moved to, after `move_to`."""
+
+        def link(leaves: slice) -> int:
+            slots, origins, directions = fmm.moved_link_rays(leaves.start, leaves.stop)
+            fmm.block(slots, self._occluded(origins, directions))
+            return len(slots)
+
+        def gather(leaves: slice) -> int:
+            *rays, origins, directions = fmm.moved_gather_rays(leaves.start, leaves.stop)
+            hits = self._met(origins, directions)
+            fmm.take_moved_hits(surface, (leaves.start, leaves.stop), (*rays, directions), *hits)
+            return len(origins)
+
+        for work, leaves in ((link, fmm.linked_leaves()), (gather, fmm.open_leaves())):
+            self.run_blocks(work, leaves, leaves // LEAST_BATCHES)
 
     def _met(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> tuple[NDArray, NDArray, NDArray]:
         """What rays meet: triangles, -1 for none, and where on them, u and v."""
