@@ -4,6 +4,7 @@
 //!
 //! It takes O(n^2) rays for n cells, however many points they hold, and shadows come out as coarse as the cells.
 
+use crate::bits::Bits;
 use crate::error::{Error, same_length};
 use crate::facing::{Facing, FacingTest};
 use crate::links::Weights;
@@ -11,13 +12,12 @@ use crate::lists::{Lists, ListsOptions};
 use crate::medium::Medium;
 use crate::octree::Octree;
 use crate::places::Places;
-use crate::rays::Frame;
+use crate::rays::{Frame, Rays};
 use crate::shaft::Blockers;
-use crate::visibility::{Kind, Pair, Rays, View};
+use crate::visibility::{Kind, Pair, View};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Rays of a pair of cells, as many as representatives of each; odd, so that their majority is clear.
 pub const REPRESENTATIVES: usize = 5;
@@ -59,12 +59,6 @@ struct Order {
     cells: Vec<usize>,
     /// (n,) first point of each, tree order.
     starts: Vec<usize>,
-}
-
-/// A matrix of bits that several threads fill.
-struct Bits {
-    words: usize,
-    bits: Vec<AtomicU64>,
 }
 
 impl Cells {
@@ -242,34 +236,6 @@ impl Order {
     }
 }
 
-impl Bits {
-    fn new(rows: usize, columns: usize) -> Result<Self, Error> {
-        let words = columns.div_ceil(64);
-        let mut bits = Vec::new();
-        bits.try_reserve_exact(rows * words).map_err(|_| Error::Memory { bytes: rows * words * 8 })?;
-        bits.resize_with(rows * words, AtomicU64::default);
-        Ok(Self { words, bits })
-    }
-
-    fn set(&self, row: usize, column: usize) {
-        self.bits[row * self.words + column / 64].fetch_or(1 << (column % 64), Ordering::Relaxed);
-    }
-
-    fn get(&self, row: usize, column: usize) -> bool {
-        self.bits[row * self.words + column / 64].load(Ordering::Relaxed) >> (column % 64) & 1 == 1
-    }
-
-    /// The bits of some columns of a row, in words; those of other columns are 0.
-    fn words_of(&self, row: usize, columns: &Range<usize>) -> impl Iterator<Item = u64> {
-        let (start, end) = (columns.start, columns.end);
-        (start / 64..end.div_ceil(64)).map(move |word| {
-            let below = if word == start / 64 { u64::MAX << (start % 64) } else { u64::MAX };
-            let above = if word == end / 64 { !(u64::MAX << (end % 64)) } else { u64::MAX };
-            self.bits[row * self.words + word].load(Ordering::Relaxed) & below & above
-        })
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
@@ -393,9 +359,9 @@ mod tests {
 
     #[test]
     fn most_rays_decide_and_wrong_slots_are_refused() {
-        let (cells, _) = cells(Grouping::Uniform { level: 1 }, true);
+        let (mut cells, _) = cells(Grouping::Uniform { level: 1 }, true);
         let slot = 3;
-        cells.seen.bits.iter().for_each(|word| word.store(0, Ordering::Relaxed));
+        cells.seen = Bits::new(cells.rows.cells.len(), cells.columns.cells.len()).unwrap();
         cells.detect(&[slot; 5], &[true, true, false, true, false]).unwrap();
         assert!(!cells.seen.get(0, 3));
         cells.detect(&[slot; 5], &[true, true, false, false, false]).unwrap();

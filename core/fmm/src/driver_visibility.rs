@@ -10,10 +10,10 @@ use crate::moving::Bounds;
 use crate::near_field::{NearField, Patches};
 use crate::octree::Octree;
 use crate::places::Places;
-use crate::rays::Frame;
+use crate::rays::{Frame, Rays};
 use crate::shaft::{Blockers, End};
 use crate::surface::Surface;
-use crate::visibility::{Outcomes, Rays, View, Visibility, VisibilityOptions};
+use crate::visibility::{Outcomes, View, Visibility, VisibilityOptions};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -34,7 +34,7 @@ pub struct Occluded<'a> {
     /// (P, 3, 3) patches, and the barycentric coordinates of the sources on each.
     pub patches: &'a [[[f64; 3]; 3]],
     pub rule: &'a [[f64; 3]],
-    /// What things may move in later, which no pair is valid through: their faces are to be among the triangles, too.
+    /// What things may move in later, which no pair is valid through.
     pub moving: &'a [Bounds],
 }
 
@@ -226,7 +226,7 @@ enum Counted {
 }
 
 /// The leaf of each point of a tree, tree order.
-fn leaves_of_points(tree: &Octree) -> Vec<u32> {
+pub(crate) fn leaves_of_points(tree: &Octree) -> Vec<u32> {
     let mut leaves = vec![0; tree.n_points()];
     for b in tree.leaves() {
         leaves[tree.points_of(b)].fill(b as u32);

@@ -6,10 +6,10 @@
 //! but not at all where the pair is valid, or a link, and was summed already. Only directions in which open boxes lie get
 //! a ray, and those along the surface, where a smooth normal sees facets that face away by all that boxes know.
 
-use crate::blend::{self, Blend};
 use crate::directions::{Cube, Mask, cell, cosine_direction, tangents};
 use crate::error::{Error, same_length};
-use crate::medium::{Medium, kept};
+use crate::hits::{Hits, NOTHING, Ray, Told};
+use crate::medium::Medium;
 use crate::moving::Bounds;
 use crate::octree::Octree;
 use crate::rays::Frame;
@@ -42,32 +42,6 @@ pub struct OpenLeaf {
     told: OnceLock<Told>,
     /// In place of `hits` where some did.
     moved: OnceLock<Hits>,
-}
-
-/// What a ray met: a source that counts, in tree order, or [`NOTHING`], and how far away.
-type Ray = (u32, f32);
-
-/// In place of a source.
-const NOTHING: u32 = u32::MAX;
-
-/// What the rays of each point of a leaf met.
-#[derive(Debug, Default, Clone)]
-struct Told {
-    /// (points + 1)
-    starts: Vec<u32>,
-    rays: Vec<Ray>,
-}
-
-/// The sources met from each point of a leaf.
-#[derive(Debug, Default)]
-struct Hits {
-    /// (points + 1)
-    starts: Vec<u32>,
-    /// Tree order.
-    sources: Vec<u32>,
-    /// What is left of the light of each; none where the medium is clear.
-    left: Vec<[f32; 3]>,
-    blend: Blend,
 }
 
 /// The open leaves, and the rays that they want.
@@ -213,7 +187,7 @@ impl Gather {
         let mut ray = 0;
         for open in &self.leaves[leaves] {
             let points = targets.points_of(open.leaf as usize);
-            let (mut told, mut left) = (Told { starts: vec![0], rays: Vec::new() }, Vec::new());
+            let (mut told, mut left) = (Told::default(), Vec::new());
             for i in points.clone() {
                 while ray < met.points.len() && met.points[ray] as usize == i {
                     let x = targets.positions[i];
@@ -222,10 +196,10 @@ impl Gather {
                         let place = met.place(ray, surface);
                         left.extend(place.map(|y| medium.left(x, y).map(|left: f64| left as f32)));
                     }
-                    told.rays.push(answer);
+                    told.push(answer);
                     ray += 1;
                 }
-                told.starts.push(told.rays.len() as u32);
+                told.end_point();
             }
             // A leaf that was traced before keeps its answers.
             let _ = open.hits.set(self.hits(targets, open, &told, left));
@@ -255,10 +229,8 @@ impl Gather {
             let (Some(known), false) = (known, rays.is_empty()) else { continue };
             let mut told = known.clone();
             for ray in rays {
-                let (place, count) = (met.places[ray] as usize, told.rays.len());
                 let x = targets.positions[met.points[ray] as usize];
-                let wrong = Error::Index { what: "place of a ray", index: place, count };
-                *told.rays.get_mut(place).ok_or(wrong)? = self.answer(open, (x, sources), surface, met, ray);
+                told.replace(met.places[ray] as usize, self.answer(open, (x, sources), surface, met, ray))?;
             }
             let _ = open.moved.set(self.hits(targets, open, &told, Vec::new()));
         }
@@ -281,21 +253,8 @@ impl Gather {
 
     fn hits(&self, targets: &Octree, open: &OpenLeaf, told: &Told, left: Vec<[f32; 3]>) -> Hits {
         let points = targets.points_of(open.leaf as usize);
-        let mut hits = Hits { starts: vec![0], left, ..Hits::default() };
-        let (mut reaches, mut lengths) = (Vec::new(), Vec::new());
-        for ends in told.starts.windows(2) {
-            let rays = &told.rays[ends[0] as usize..ends[1] as usize];
-            hits.sources.extend(rays.iter().map(|ray| ray.0).filter(|&j| j != NOTHING));
-            hits.starts.push(hits.sources.len() as u32);
-            lengths.clear();
-            lengths.extend(rays.iter().map(|ray| f64::from(ray.1)));
-            reaches.push(blend::distance(&mut lengths));
-        }
-        hits.blend = match open.parted {
-            true => Blend::none(points.len()),
-            false => Blend::new(&targets.positions[points.clone()], &targets.normals[points], &reaches, self.density),
-        };
-        hits
+        let at: (&[_], &[_]) = (&targets.positions[points.clone()], &targets.normals[points]);
+        Hits::new(told, left, at, (!open.parted).then_some(self.density))
     }
 
     /// Radiosity (N, C) of the sources from their strengths, both in tree order.
@@ -307,18 +266,7 @@ impl Gather {
     /// absorbed.
     pub fn add<const C: usize>(&self, leaf: usize, radiosity: &[[f64; C]], clear: bool, irradiance: &mut [[f64; C]]) {
         let Some(hits) = self.of(leaf).and_then(OpenLeaf::hits) else { return };
-        let share = 1.0 / self.density as f64;
-        let left: &[[f32; 3]] = if clear { &[] } else { &hits.left };
-        let own = |ends: &[u32]| {
-            let mut sum = [0.0; C];
-            for ray in ends[0] as usize..ends[1] as usize {
-                let (b, left) = (radiosity[hits.sources[ray] as usize], kept::<C>(left, ray));
-                (0..C).for_each(|c| sum[c] += left[c] * b[c]);
-            }
-            sum.map(|sum| share * sum)
-        };
-        let own: Vec<[f64; C]> = hits.starts.windows(2).map(own).collect();
-        hits.blend.add(&own, irradiance);
+        hits.add(radiosity, 1.0 / self.density as f64, clear, irradiance);
     }
 
     /// Adds to what each source (N,) sends for one unit of strength, what it sends to points of areas (M,), tree order.
@@ -326,18 +274,14 @@ impl Gather {
         let share = 1.0 / self.density as f64;
         for open in &self.leaves {
             let Some(hits) = open.hits() else { continue };
-            let areas = hits.blend.transposed(&areas[targets.points_of(open.leaf as usize)]);
-            for (ends, area) in hits.starts.windows(2).zip(areas) {
-                for &j in &hits.sources[ends[0] as usize..ends[1] as usize] {
-                    sent[j as usize][0] += share * area / self.weights[j as usize];
-                }
-            }
+            let areas = &areas[targets.points_of(open.leaf as usize)];
+            hits.sent(areas, |j, area| sent[j][0] += share * area / self.weights[j]);
         }
     }
 
     /// Sources met from all points together.
     pub fn count(&self) -> usize {
-        self.leaves.iter().filter_map(OpenLeaf::hits).map(|hits| hits.sources.len()).sum()
+        self.leaves.iter().filter_map(OpenLeaf::hits).map(Hits::count).sum()
     }
 }
 

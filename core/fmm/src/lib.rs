@@ -3,6 +3,7 @@
 //! factors for near triangles. Positions and normals are `&[[f64; 3]]`, colours are `[red, green, blue]`, or one number
 //! where all is grey, lengths are in the caller's unit throughout.
 
+mod bits;
 mod blend;
 pub mod cells;
 pub mod coincident;
@@ -20,6 +21,7 @@ pub mod facing;
 pub mod form_factor;
 pub mod gather;
 pub mod groups;
+mod hits;
 pub mod links;
 pub mod lists;
 mod lists_batches;

@@ -12,7 +12,7 @@ use crate::passes::Passes;
 
 impl Fmm {
     /// What each source (N,) sends for one unit of strength to points of areas (N,), scene order, in a sum of points over
-    /// themselves, if nothing were absorbed.
+    /// themselves, if nothing were absorbed; what guests send there follows.
     pub fn sent(&self, areas: &[f64]) -> Result<Vec<f64>, Error> {
         let tree = self.sources.as_ref();
         same_length("areas", self.targets.n_points(), areas.len())?;
@@ -37,8 +37,12 @@ impl Fmm {
         let areas = tree.in_tree_order(&areas);
         let mut sent = run(&passes, &areas)?.0;
         self.links.sent(tree, &areas, &mut sent);
+        sent.resize(tree.n_points() + self.moved.guests, [0.0]);
         self.gather.sent(tree, &areas, &mut sent);
-        Ok(tree.in_scene_order(&sent).into_flattened())
+        let (own, guests) = sent.split_at(tree.n_points());
+        let mut found = tree.in_scene_order(own);
+        found.extend(guests);
+        Ok(found.into_flattened())
     }
 }
 

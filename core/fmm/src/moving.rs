@@ -4,12 +4,14 @@
 //! hemispheres find it.
 
 use crate::driver::Fmm;
+use crate::driver_visibility::leaves_of_points;
 use crate::error::Error;
 use crate::gather::{GatherRays, Met};
-use crate::rays::Frame;
-use crate::shaft::{End, is_passed_by};
+use crate::links::Run;
+use crate::rays::{Frame, Rays};
+use crate::shaft::{End, pass};
 use crate::surface::Surface;
-use crate::visibility::{Rays, View};
+use crate::visibility::View;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -37,9 +39,13 @@ impl Moved {
         self.in_frame.iter().any(|[low, high]| {
             let (mut first, mut last) = (0.0_f32, length);
             for i in 0..3 {
-                let inverse = 1.0 / direction[i];
-                let (a, b) = ((low[i] - origin[i]) * inverse, (high[i] - origin[i]) * inverse);
-                // A ray along a face gives NaN there, which these leave out.
+                if direction[i] == 0.0 {
+                    if !(low[i]..=high[i]).contains(&origin[i]) {
+                        return false;
+                    }
+                    continue;
+                }
+                let (a, b) = ((low[i] - origin[i]) / direction[i], (high[i] - origin[i]) / direction[i]);
                 first = first.max(a.min(b));
                 last = last.min(a.max(b));
             }
@@ -56,8 +62,12 @@ impl Fmm {
         self.gather.welcome(self.sources.n_points(), areas);
         let Some(rounds) = &self.rounds else { return };
         let in_frame = |bounds: &Bounds| larger(&rounds.view.frame, bounds);
-        let end = |run: &crate::links::Run| {
-            End::around(&self.sources.positions[run.points.start as usize..run.points.end as usize])
+        let leaves = leaves_of_points(&self.sources);
+        let end = |run: &Run| {
+            let points = run.points.start as usize..run.points.end as usize;
+            // Rays end anywhere on what the points stand for.
+            let margins = leaves[points.clone()].iter().map(|&leaf| rounds.view.margin[leaf as usize]);
+            End::around(&self.sources.positions[points], margins.fold(0.0, f64::max))
         };
         let runs = self.links.runs.runs.par_iter().map(end).collect();
         let in_frame = boxes.iter().map(in_frame).collect();
@@ -71,7 +81,7 @@ impl Fmm {
         for leaf in &self.links.leaves[leaves.start..leaves.end.min(self.links.leaves.len())] {
             let end = &view.ends[0][leaf.leaf as usize];
             for (place, &run) in leaf.runs.iter().enumerate() {
-                if self.moved.boxes.iter().all(|&bounds| is_passed_by(end, &self.moved.runs[run as usize], bounds)) {
+                if !pass(end, &self.moved.runs[run as usize], &self.moved.boxes) {
                     continue;
                 }
                 for (row, i) in view.targets.points_of(leaf.leaf as usize).enumerate() {
@@ -114,4 +124,59 @@ impl Fmm {
 fn larger(frame: &Frame, bounds: &Bounds) -> [[f32; 3]; 2] {
     let grown = |k: usize, margin: f64| frame.inside(bounds[k]).map(|x| (x + margin) as f32);
     [grown(0, -MARGIN), grown(1, MARGIN)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Few values, so that rays often start on faces and run along them.
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![(-4..=4i32).prop_map(|k| k as f32 / 4.0), -1.0..1.0f32]
+    }
+
+    fn vector() -> impl Strategy<Value = [f32; 3]> {
+        [coordinate(), coordinate(), coordinate()]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+        #[test]
+        fn rays_meet_boxes_that_they_have_points_in(
+            one in vector(),
+            other in vector(),
+            origin in vector(),
+            direction in vector(),
+            length in prop_oneof![Just(1.0f32), 0.1..3.0f32],
+        ) {
+            let low = [0, 1, 2].map(|i| one[i].min(other[i]));
+            let high = [0, 1, 2].map(|i| one[i].max(other[i]));
+            let moved = |margin: f32| Moved {
+                in_frame: vec![[[9.0; 3]; 2], [low.map(|x| x - margin), high.map(|x| x + margin)]],
+                ..Moved::default()
+            };
+            let steps = 500u16;
+            let place = |k: u16| [0, 1, 2].map(|i| origin[i] + f32::from(k) / f32::from(steps) * length * direction[i]);
+            let inside = |x: [f32; 3], margin: f32| (0..3).all(|i| low[i] - margin <= x[i] && x[i] <= high[i] + margin);
+            if (0..=steps).any(|k| inside(place(k), 0.0)) {
+                prop_assert!(moved(1e-6).meets(origin, direction, length));
+                prop_assert!(moved(1e-6).meets(origin, direction, f32::INFINITY));
+            }
+            let step = length * direction.iter().map(|d| d.abs()).fold(0.0, f32::max) / f32::from(steps);
+            if moved(0.0).meets(origin, direction, length) {
+                prop_assert!((0..=steps).any(|k| inside(place(k), step + 1e-5)));
+            }
+        }
+    }
+
+    #[test]
+    fn a_ray_along_a_face_meets_its_box() {
+        let moved = Moved { in_frame: vec![[[0.0; 3], [1.0; 3]]], ..Moved::default() };
+        for (origin, direction) in [([0.0, 0.5, -1.0], [0.0, 0.0, 1.0]), ([1.0, 1.0, 2.0], [0.0, -0.0, -1.0])] {
+            assert!(moved.meets(origin, direction, f32::INFINITY));
+            assert!(!moved.meets(origin, direction, 0.5));
+            assert!(!moved.meets(origin, direction.map(|d| -d), f32::INFINITY));
+        }
+    }
 }

@@ -75,6 +75,29 @@ impl Frame {
     }
 }
 
+/// Rays, each with the slot that its answer goes to.
+#[derive(Debug, Default)]
+pub struct Rays {
+    pub slots: Vec<u64>,
+    pub origins: Vec<[f32; 3]>,
+    pub directions: Vec<[f32; 3]>,
+}
+
+impl Rays {
+    pub(crate) fn push(&mut self, slot: u64, (origin, direction): Ends) {
+        self.slots.push(slot);
+        self.origins.push(origin);
+        self.directions.push(direction);
+    }
+
+    /// The first ones only.
+    pub(crate) fn truncate(&mut self, count: usize) {
+        self.slots.truncate(count);
+        self.origins.truncate(count);
+        self.directions.truncate(count);
+    }
+}
+
 /// The facing pairs of a block of receivers with all sources, and a ray for each.
 #[derive(Debug, Default)]
 pub struct FacingRays {

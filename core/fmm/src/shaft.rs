@@ -2,6 +2,7 @@
 //! Proof without rays that two boxes see each other as a whole: no triangle reaches into the shaft between them.
 //! Haines and Wallace, "Shaft culling for efficient ray-cast radiosity", Eurographics Workshop on Rendering 1991.
 
+use crate::moving::Bounds;
 use crate::octree::Octree;
 use crate::vector::{cross, dot, high, low, norm, scale, sub};
 use rayon::prelude::*;
@@ -247,17 +248,20 @@ impl<'a> Shaft<'a> {
     }
 }
 
-/// Whether no way between any point of the one box and any of the other goes through a third one.
-pub fn is_passed_by(a: &End, b: &End, [low, high]: [Vector; 2]) -> bool {
-    Shaft::new(a, b).misses_box(low, high, 0.0)
+/// Whether a way between some point of the one box and some of the other may pass through one of others.
+pub fn pass(a: &End, b: &End, boxes: &[Bounds]) -> bool {
+    !boxes.is_empty() && {
+        let shaft = Shaft::new(a, b);
+        boxes.iter().any(|&[low, high]| !shaft.misses_box(low, high, 0.0))
+    }
 }
 
 impl End {
-    /// What points are in, whichever way they look.
-    pub fn around(points: &[Vector]) -> Self {
+    /// What points are in, with so much around them, whichever way they look.
+    pub fn around(points: &[Vector], margin: f64) -> Self {
         let start = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         let (low, high) = points.iter().fold(start, |b, &x| (low(b.0, x), high(b.1, x)));
-        Self { low, high, plane: None }
+        Self { low: low.map(|x| x - margin), high: high.map(|x| x + margin), plane: None }
     }
 
     /// A box of an octree with normals.

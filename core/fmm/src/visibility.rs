@@ -15,9 +15,9 @@ use crate::moving::Bounds;
 use crate::octree::{NO_BOX, Octree};
 use crate::octree_build::EMITTERS;
 use crate::places::Places;
-use crate::rays::{Ends, Frame, facing};
+use crate::rays::{Frame, Rays, facing};
 use crate::samples::{hash, unit};
-use crate::shaft::{Blockers, End};
+use crate::shaft::{Blockers, End, pass};
 use crate::vector::{norm, sub};
 use crate::visible_lists::Linked;
 use rayon::prelude::*;
@@ -84,29 +84,6 @@ enum Settled {
     Valid(Kind),
     Partial,
     Postponed(Vec<Pending>),
-}
-
-/// Rays, each with the slot that its answer goes to.
-#[derive(Debug, Default)]
-pub struct Rays {
-    pub slots: Vec<u64>,
-    pub origins: Vec<[f32; 3]>,
-    pub directions: Vec<[f32; 3]>,
-}
-
-impl Rays {
-    fn push(&mut self, slot: u64, (origin, direction): Ends) {
-        self.slots.push(slot);
-        self.origins.push(origin);
-        self.directions.push(direction);
-    }
-
-    /// The first ones only.
-    pub(crate) fn truncate(&mut self, count: usize) {
-        self.slots.truncate(count);
-        self.origins.truncate(count);
-        self.directions.truncate(count);
-    }
 }
 
 /// The octrees and what is known of their points.
@@ -260,7 +237,10 @@ impl Visibility {
 impl View {
     fn is_clear(&self, t: usize, s: usize) -> bool {
         let (target, source) = (&self.ends[0][t], &self.ends[1][s]);
-        !self.is_coarse(t, s) && self.blockers.are_clear(target, source) && self.is_unabsorbed(t, s)
+        !self.is_coarse(t, s)
+            && self.blockers.are_clear(target, source)
+            && !pass(target, source, &self.moving)
+            && self.is_unabsorbed(t, s)
     }
 
     /// Whether no light is absorbed between two boxes: expansions know no medium, and what goes through one is left to rays.

@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 use fmm::octree::{Grid, Grouping, Octree, OctreeOptions};
-use fmm::shaft::{Blockers, End};
+use fmm::shaft::{Blockers, End, pass};
 use proptest::prelude::*;
 
 type Vector = [f64; 3];
@@ -80,4 +80,32 @@ fn walls_around_a_room_block_nothing_and_a_block_in_it_does() {
     let blockers = Blockers::new(&[wall, block], [&a, &b]);
     assert_eq!(blockers.len(), 1);
     assert!(!blockers.are_clear(&End::new(&a, 0), &End::new(&b, 0)));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4000))]
+    #[test]
+    fn no_segment_passes_a_box_that_its_shaft_misses(
+        a in cloud(),
+        b in cloud(),
+        around in any::<bool>(),
+        (centre, size) in (vector(-2.0..2.0), vector(0.01..1.0)),
+    ) {
+        let (from, to) = (one_box(&a.0, &a.1), one_box(&b.0, &b.1));
+        let bounds = [-1.0, 1.0].map(|side| [0, 1, 2].map(|i| centre[i] + side * size[i]));
+        let target = End::new(&from, 0);
+        let source = if around { End::around(&b.0, 0.2) } else { End::new(&to, 0) };
+        if !pass(&target, &source, &[bounds]) {
+            for &x in &a.0 {
+                for &y in &b.0 {
+                    for k in 0..=100 {
+                        let place = [0, 1, 2].map(|i| x[i] + f64::from(k) / 100.0 * (y[i] - x[i]));
+                        let inside = (0..3).all(|i| bounds[0][i] + 1e-9 < place[i] && place[i] < bounds[1][i] - 1e-9);
+                        let flat = |end: &End| end.plane.is_none_or(|(n, o)| (0..3).map(|i| n[i] * place[i]).sum::<f64>() > o + 1e-9);
+                        prop_assert!(!inside || !flat(&target) || !flat(&source));
+                    }
+                }
+            }
+        }
+    }
 }

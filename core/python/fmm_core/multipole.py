@@ -137,7 +137,7 @@ class MultipoleSpace:
         """The sum at the targets, None for the particles themselves, by about so many rays each, and the patches that
         are near them.
         """
-        particles, settings = self.sums.particles, self.settings
+        particles, settings, occlusion = self.sums.particles, self.settings, self.sums.occlusion
         fmm = _binding.Fmm(
             (particles.positions, particles.normals),
             particles.softening,
@@ -148,7 +148,7 @@ class MultipoleSpace:
             settings.separation,
             settings.expansion_in_use,
             emitters=particles.emits,
-            scene=self._blockers(),
+            scene=occlusion.triangles if occlusion and settings.visibility == "rays" else None,
             medium=self.sums.medium,
         )
         tick(0.1)
@@ -158,12 +158,6 @@ class MultipoleSpace:
         self.open = self.open and not occluded
         return fmm, self.sums.near(points, normals, fmm, open_space=not occluded)
 
-    def _blockers(self) -> NDArray[np.float64] | None:
-        """(T, 3, 3) what may be in the way, now or later; None where nothing is, or cells tell."""
-        if not self.sums.occlusion or self.settings.visibility != "rays":
-            return None
-        return np.concatenate([self.sums.occlusion.triangles, *map(faces, self._boxes)])
-
     def _occlude(self, fmm: _binding.Fmm, points: int, rays: float, tick: Tick) -> bool:
         """Reduces the lists of a sum to visible ones; false where nothing can be in the way."""
         particles, occlusion = self.sums.particles, self.sums.occlusion
@@ -171,7 +165,8 @@ class MultipoleSpace:
             occlusion.find_cells(fmm, tick)
             return True
         # A group of triangles has no exact form factor: what is near is found by rays.
-        if fmm.n_blockers() == 0 and self.sums.medium.is_clear and particles.whole.all():
+        clear = fmm.n_blockers() == 0 and self.sums.medium.is_clear and not self._boxes
+        if clear and particles.whole.all():
             return False
         tick(0.2)
         weights, radii = particles.visibility_weights, particles.of_points(particles.radii)
@@ -189,13 +184,6 @@ def particle_rays(settings: Settings, count: int) -> float:
 def least_rays(rays: float) -> float:
     """So many, or as many as anything gets."""
     return max(LEAST_RAYS, rays)
-
-
-def faces(box: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(12, 3, 3) the triangles around a box, given as its lowest and highest corner (2, 3)."""
-    corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    squares = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
-    return corners[[three for a, b, c, d in squares for three in ((a, b, c), (a, c, d))]]
 
 
 def _effort(rays: float) -> tuple[float, float, float, float, int]:

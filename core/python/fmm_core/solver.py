@@ -45,7 +45,7 @@ def solve(
     kept: what rays found in earlier solves of these triangles, which is not traced again; what is traced is added.
     Where it is of no use, a warning of the report says why.
     before: the solution of an earlier frame, solved with the same settings. Where only a few things have moved since,
-    and lamps, the rays of all others are kept, see `moving.py`, and the solution is not to be asked any more.
+    and lamps, the rays of all others are kept, see `moving.py`; it takes rays to ask that solution again afterwards.
     Raises `Error` on bad input or when memory does not suffice.
     """
     settings = Settings() if settings is None else settings
@@ -57,7 +57,9 @@ def solve(
         raise Error(f"before: expected Solution or None, got {type(before).__name__}")
     if before is not None and kept is None and before.settings == settings and before.precedes(scene):
         with memory_errors():
-            return _moved(before, scene.near_origin(), progress)
+            moved = _moved(before, scene.near_origin(), progress)
+        if moved is not None:
+            return moved
     return solve_with(scene, settings, settings.begin(), progress, kept)
 
 
@@ -115,12 +117,15 @@ def _solve(
     return Solution(whole, scene, asked, used, exchange, radiosity, report, kept, first)
 
 
-def _moved(before: Solution, scene: Scene, progress: Progress | None) -> Solution:
-    """The next frame after a solution that precedes the scene."""
+def _moved(before: Solution, scene: Scene, progress: Progress | None) -> Solution | None:
+    """The next frame after a solution that precedes the scene, None where that is no use."""
     settings, effects = before.used, plan(scene, before.used)
     report = Report(settings, scene, effects)
     with report.time("tree"):
-        whole, space = next_frame(before, scene)
+        found = next_frame(before, scene)
+        if found is None:
+            return None
+        whole, space = found
     left = planned(whole, effects)
     report.counts.update(triangles=len(scene.triangles), particles=len(space.sums.particles))
     exchange = Exchange(space, settings)

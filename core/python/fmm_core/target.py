@@ -49,20 +49,20 @@ def solve_at(
     several = target is not None
     solution = solve(scene, settings, _part(progress, 0, several, 0.0, 0.8), kept, before)
     irradiance = solution.irradiance(points, normals, _part(progress, 0, several, 0.8, 1.0), effort)
-    rounds, before = solution.report["rounds"], None
+    rounds, earlier = solution.report["rounds"], None
     if not rounds:
         return solution, irradiance
     while not _met(rounds, target) and len(rounds) < MOST_ROUNDS:
         used, last = solution.used, rounds[-1]
-        finer = better(settings, used, last, before)
+        finer = better(settings, used, last, earlier)
         if finer == used:
             break
         if finer.particles == used.particles:
-            before = last
+            earlier = last
             solution.use(finer)
         else:
             # Two solutions at a time may be too much for the memory.
-            before, report, solution = None, solution.report, None
+            earlier, report, solution = None, solution.report, None
             solution = solve_with(scene, settings, finer, _part(progress, len(rounds), True, 0.0, 0.8), kept)
             solution.follow(report)
         irradiance = solution.irradiance(points, normals, _part(progress, len(rounds), True, 0.8, 1.0), effort)

@@ -193,7 +193,7 @@ class Sums:
         medium: _binding.Medium,
     ) -> None:
         self.particles, self.occlusion, self.near_reach = particles, occlusion, near_reach
-        self._room, self.medium, self.near_reach = room, medium, near_reach
+        self._room, self.medium = room, medium
         self._sight: tuple[NDArray[np.float64], Sight] | None = None
         # A group of triangles has no exact form factor: what is so near is found by rays.
         self._reach = (1 + ROUNDING) * near_reach * particles.radii * particles.whole
