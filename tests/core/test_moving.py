@@ -7,7 +7,7 @@ import fmm_core
 import numpy as np
 import pytest
 import shapes
-from fmm_core.moving import AHEAD, MovedSpace, Now
+from fmm_core.moving import AHEAD, Kept, MovedSpace, Now
 from fmm_core.progress import silent
 from fmm_core.transport import passing
 from hypothesis import given
@@ -127,8 +127,12 @@ def test_what_is_kept_is_what_is_traced_anew(way):
     assert (near != right).any(axis=1).mean() < 0.02
     assert off(near, right) < 1e-4
     assert off(without, right) > 30 * off(near, right)
-    # Back to nothing, and once more.
+    # Back to nothing, as before anything moved, and once more.
+    before = Kept(last.still._space, None, kept.rays, silent)
+    irradiance = before.fmm.apply(strengths[:first])[0]
+    before._near.correction(before._sources).add(np.ascontiguousarray(strengths[:first]), irradiance)
     assert (found([]) == without).all()
+    assert off(without, irradiance) < 1e-12
     assert (found(tight) == near).all()
 
 
