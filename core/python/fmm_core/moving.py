@@ -18,6 +18,7 @@ from .particles import Particles, joined, make_particles, strong_emitters, trian
 from .progress import Tick, silent
 from .scene import Scene
 from .settings import Settings
+from .spots import cut_by_spots
 from .transport import Operator, Sums
 from .visibility import Occlusion
 
@@ -127,7 +128,8 @@ class Still:
     def _made(self, scene: Scene, occlusion: Occlusion) -> Particles:
         """The particles of a part of the scene, which gets its share of all."""
         count = self._settings.particles * triangle_areas(scene.triangles).sum() / self._area
-        return make_particles(scene, max(1, round(count)), self._degree, occlusion.buried)
+        particles = make_particles(scene, max(1, round(count)), self._degree, occlusion.buried)
+        return cut_by_spots(scene, particles, occlusion, self._settings.rays)[0]
 
     def _sums(self, particles: Particles, occlusion: Occlusion) -> Sums:
         return Sums(particles, occlusion, self._near_reach, None, self._medium)

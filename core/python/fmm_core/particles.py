@@ -212,6 +212,7 @@ def bisected(particles: Particles, rows: NDArray[np.int64]) -> Particles:
         edges=edges,
         fractions=fractions,
         parts=parts,
+    )
 
 
 def joined(first: Particles, second: Particles) -> Particles:
