@@ -40,10 +40,10 @@ def names():
     return {mesh.name: list(mesh.color_attributes.keys()) for mesh in bpy.data.meshes}
 
 
-def alone(scene, frames=(1, 2, 3)):
+def alone(scene):
     """The colours of every frame baked by itself, by mesh and frame; the attributes are gone again."""
     found = {}
-    for frame in frames:
+    for frame in (1, 2, 3):
         scene.frame_set(frame)
         assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
         found |= {(mesh.name, frame): baked(mesh) for mesh in bpy.data.meshes}
@@ -67,43 +67,6 @@ def test_each_frame_equals_a_bake_of_it_alone(fmm, moving):
     assert [line["frame"] for line in frames] == [1, 2, 3]
     # Where only the lamp changes nothing is traced.
     assert [line["rays"] > 0 for line in frames] == [True, True, False]
-
-
-@pytest.fixture
-def rolling(build, moving):
-    """A floor of many faces under a lamp, and a ball over it that moves from frame 1 to 4."""
-    for name in ("Box", "Floor"):
-        bpy.data.meshes.remove(bpy.data.objects[name].data)
-    bpy.data.materials["Glow"].node_tree.animation_data_clear()
-    grey, count = build.material("Rough", Color=(0.6, 0.5, 0.4)), 24
-    vertices = [(3 * x / count - 1, 3 * y / count - 1, 0.0) for y in range(count + 1) for x in range(count + 1)]
-    corners = [y * (count + 1) + x for y in range(count) for x in range(count)]
-    build.object("Floor", vertices, [(i, i + 1, i + count + 2, i + count + 1) for i in corners], grey)
-    ball = build.ball("Ball", grey, radius=0.2)
-    for frame in (1, 2, 3, 4):
-        ball.location = (0.2 + 0.05 * frame, 0.5, 0.4)
-        ball.keyframe_insert("location", frame=frame)
-    moving.frame_end, moving.fmm_radiosity.particles = 4, 6000
-    return moving
-
-
-def test_what_moves_is_followed_from_frame_to_frame(fmm, rolling):
-    frames, settings = (1, 2, 3, 4), rolling.fmm_radiosity
-    expected = alone(rolling, frames)
-    # As much as bakes differ by chance.
-    settings.particles, settings.rays = settings.particles + 100, settings.rays + 1
-    other = alone(rolling, frames)
-    settings.particles, settings.rays = settings.particles - 100, settings.rays - 1
-    fmm.session.session.solution = None
-    assert bpy.ops.fmm_radiosity.bake_frames() == {"FINISHED"}
-    assert len(expected) == 12
-    for frame in frames:
-        meshes = [mesh for mesh, number in expected if number == frame]
-        right, noisy = (np.concatenate([of[mesh, frame] for mesh in meshes]) for of in (expected, other))
-        found = np.concatenate([colours(bpy.data.meshes[mesh], f"Radiosity {frame:04d}") for mesh in meshes])
-        assert np.linalg.norm(found - right) < 1.5 * np.linalg.norm(noisy - right)
-    lines = fmm.session.session.report["frames"]
-    assert all(0 < line["rays"] < 0.7 * lines[0]["rays"] for line in lines[2:])
 
 
 def test_what_fails_half_way_changes_nothing(moving):
