@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import shapes
 from fmm_core import _binding
-from fmm_core.particles import bisected, make_particles
+from fmm_core.cutting import bisected
+from fmm_core.particles import make_particles
 from fmm_core.quadrature import triangle_rule
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from . import _binding
 from .arrays import bounds
+from .cutting import joined
 from .multipole import Boxes, MultipoleSpace, Points, least_rays, particle_rays
-from .particles import Particles, joined, make_particles, strong_emitters, triangle_areas
+from .particles import Particles, make_particles, strong_emitters, triangle_areas
 from .progress import Tick, silent
 from .scene import Scene
 from .settings import Settings

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import reduce
 
 from .balance import is_watertight
+from .cutting import bisected
 from .direct import DirectSpace
 from .effects import plan, planned
 from .errors import Error, memory_errors
@@ -12,7 +13,7 @@ from .exchange import Exchange
 from .kept import KeptVisibility
 from .moving import next_frame
 from .multipole import MultipoleSpace
-from .particles import bisected, make_particles, serve
+from .particles import make_particles, serve
 from .progress import Progress
 from .report import Report
 from .scene import Scene

@@ -4,8 +4,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from .cutting import bisected
 from .direct_light import Receivers
-from .particles import Particles, bisected
+from .particles import Particles
 from .patch_lamps import PatchLamps
 from .scene import Scene
 from .visibility import Occlusion
