@@ -40,10 +40,10 @@ def names():
     return {mesh.name: list(mesh.color_attributes.keys()) for mesh in bpy.data.meshes}
 
 
-def alone(scene):
+def alone(scene, frames=(1, 2, 3)):
     """The colours of every frame baked by itself, by mesh and frame; the attributes are gone again."""
     found = {}
-    for frame in (1, 2, 3):
+    for frame in frames:
         scene.frame_set(frame)
         assert bpy.ops.fmm_radiosity.bake() == {"FINISHED"}
         found |= {(mesh.name, frame): baked(mesh) for mesh in bpy.data.meshes}
@@ -67,6 +67,45 @@ def test_each_frame_equals_a_bake_of_it_alone(fmm, moving):
     assert [line["frame"] for line in frames] == [1, 2, 3]
     # Where only the lamp changes nothing is traced.
     assert [line["rays"] > 0 for line in frames] == [True, True, False]
+
+
+@pytest.fixture
+def rolling(build, moving):
+    """A floor of many faces under a lamp, and a ball over it that moves from frame 1 to 4."""
+    for name in ("Box", "Floor"):
+        bpy.data.meshes.remove(bpy.data.objects[name].data)
+    bpy.data.materials["Glow"].node_tree.animation_data_clear()
+    grey, count = build.material("Rough", Color=(0.6, 0.5, 0.4)), 24
+    vertices = [(3 * x / count - 1, 3 * y / count - 1, 0.0) for y in range(count + 1) for x in range(count + 1)]
+    corners = [y * (count + 1) + x for y in range(count) for x in range(count)]
+    build.object("Floor", vertices, [(i, i + 1, i + count + 2, i + count + 1) for i in corners], grey)
+    ball = build.ball("Ball", grey, radius=0.2)
+    for frame in (1, 2, 3, 4):
+        ball.location = (0.2 + 0.05 * frame, 0.5, 0.4)
+        ball.keyframe_insert("location", frame=frame)
+    moving.frame_end, moving.fmm_radiosity.particles = 4, 6000
+    return moving
+
+
+def test_what_moves_is_followed_from_frame_to_frame(fmm, rolling):
+    settings = rolling.fmm_radiosity
+    fresh, few = alone(rolling, (4,)), (settings.particles, settings.rays)
+    settings.particles, settings.rays = 20_000, 3000
+    exact = alone(rolling, (4,))
+    settings.particles, settings.rays = few
+    fmm.session.session.solution = None
+    assert bpy.ops.fmm_radiosity.bake_frames() == {"FINISHED"}
+    followed = {key: colours(bpy.data.meshes[key[0]], "Radiosity 0004") for key in exact}
+    assert len(exact) == 3
+
+    def off(found):
+        return sum(np.square(found[key] - exact[key]).sum() for key in exact)
+
+    # By squares.
+    assert 0 < off(followed) < 1.3**2 * off(fresh)
+    lines = fmm.session.session.report["frames"]
+    # The ball has a third of all corners; they ask as many as ever.
+    assert all(0 < line["rays"] < lines[0]["rays"] < lines[1]["rays"] for line in lines[2:])
 
 
 def test_what_fails_half_way_changes_nothing(moving):
