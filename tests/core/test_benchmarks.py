@@ -114,3 +114,13 @@ def test_bakes_to_a_target_are_compared_with_it(tmp_path):
     (row,) = json.loads(table.read_text())
     assert 0 < row["true"] == pytest.approx(0.05 * row["over"])
     assert row["measured_rms"] < 0.05
+
+
+def test_frames_are_compared_with_frames_alone(tmp_path):
+    table = tmp_path / "table.json"
+    done = run("frames", "--json", table)
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(table.read_text())
+    assert [row["frame"] for row in rows] == [1, 2, 3]
+    assert all(0 < rows[2][f"{name}_error"] < 0.2 for name in ("alone", "followed"))
+    assert rows[2]["followed_rays"] < 0.7 * rows[2]["alone_rays"]
