@@ -14,7 +14,7 @@ from .visibility import Occlusion
 Rows = NDArray[np.int64]
 
 #: Patches are cut that would reflect more of a lamp's light than this many times the mean light of all.
-BRIGHT = 5.0
+BRIGHT = 2.5
 #: So many times at most, and until there are so many more particles: a share of all, or a number.
 CUTS, MORE, FEW_MORE = 8, 0.5, 2000
 
