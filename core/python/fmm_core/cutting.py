@@ -28,10 +28,9 @@ def bisected(particles: Particles, rows: NDArray[np.int64]) -> Particles:
         found[rows] = of_halves[: len(rows)]
         return found
 
-    def of_points(values: NDArray, share: float = 1.0) -> NDArray:
+    def of_points(values: NDArray) -> NDArray:
         values = values.reshape(count, particles.per_patch, *values.shape[1:])
-        halved = values[rows] * share if share != 1.0 else values[rows]
-        return both(values, np.concatenate([halved, halved])).reshape(-1, *values.shape[2:])
+        return both(values, np.concatenate([values[rows], values[rows]])).reshape(-1, *values.shape[2:])
 
     positions = np.einsum("kc,pcx->pkx", particles.rule, halves)
     grown = 2 * len(rows)
@@ -41,11 +40,13 @@ def bisected(particles: Particles, rows: NDArray[np.int64]) -> Particles:
     edges[nodes], fractions[nodes] = edge, 0.5
     parts[nodes] = len(particles.edges) + np.column_stack([np.arange(len(rows)), len(rows) + np.arange(len(rows))])
     every = particles.positions.reshape(count, particles.per_patch, 3)
+    weights = of_points(particles.weights).reshape(-1, particles.per_patch)
+    weights[new] *= 0.5
     return replace(
         particles,
         positions=both(every, positions).reshape(-1, 3),
         **{name: of_points(getattr(particles, name)) for name in ("normals", "hidden", "triangle", "emits")},
-        weights=of_points(particles.weights, 0.5),
+        weights=weights.ravel(),
         patches=both(particles.patches, halves),
         areas=both(particles.areas, np.tile(particles.areas[rows] / 2, 2)),
         radii=both(particles.radii, largest(lengths(halves - centroids(halves)[:, None]))),

@@ -12,11 +12,11 @@ from .lamp import Samples
 from .lights import Light, SunLight
 from .medium import left
 from .particles import Particles
-from .patch_lamps import PatchLamps, sent
+from .patch_lamps import PatchLamps, run_rows, sent
 from .progress import Tick, silent
 from .scene import Scene
 from .sky import Bright, Sky
-from .visibility import BATCH, Occlusion
+from .visibility import Occlusion
 
 Points = NDArray[np.float64]
 
@@ -275,13 +275,7 @@ class Receivers:
 
     def _run(self, work: Callable[[slice], int], count: int, each: int, tick: Tick) -> None:
         """Runs `work` on all rows, where each takes so many rays."""
-        size = max(1, BATCH // each)
-        if self._occlusion is not None:
-            self._occlusion.run_blocks(work, count, size, tick)
-            return
-        for start in range(0, count, size):
-            work(slice(start, min(start + size, count)))
-            tick(min(1.0, (start + size) / count))
+        run_rows(self._occlusion, work, count, each, tick)
 
 
 def _first_pattern(light: Light, shifts: Points, _rays: int) -> Points:

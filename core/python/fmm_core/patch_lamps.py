@@ -10,8 +10,8 @@ from . import patterns
 from .lights import Light
 from .particles import Particles
 from .places import Places
-from .progress import Tick
-from .visibility import Occlusion
+from .progress import Tick, silent
+from .visibility import BATCH, Occlusion
 
 Points = NDArray[np.float64]
 
@@ -23,8 +23,6 @@ EACH = 2
 MOST, TOGETHER = 4096, 10_000
 #: Shares that differ by less are the same.
 SAME = 1e-3
-#: Rays of a block of patches.
-BLOCK = 150_000
 
 
 class PatchLamps:
@@ -43,19 +41,21 @@ class PatchLamps:
         shares, again = np.empty(count), np.zeros(count, bool)
         few = int(np.clip(FIRST // count, FEWEST_FIRST, MOST_FIRST))
 
-        def first(rows: NDArray[np.int64]) -> int:
-            shares[rows], again[rows], asked = self._asked(light, rows, few, shadows)
+        every = np.arange(count)
+
+        def first(block: slice) -> int:
+            shares[block], again[block], asked = self._asked(light, every[block], few, shadows)
             return asked
 
-        self._run(first, np.arange(count), few, tick)
+        run_rows(self._occlusion, first, count, few, tick)
         partly = np.flatnonzero(again)
         rays = int(np.clip(TOGETHER * self._rays / max(1, len(partly)), 2 * few, MOST))
 
-        def second(rows: NDArray[np.int64]) -> int:
-            shares[rows], _, asked = self._asked(light, rows, rays, shadows)
+        def second(block: slice) -> int:
+            shares[partly[block]], _, asked = self._asked(light, partly[block], rays, shadows)
             return asked
 
-        self._run(second, partly, rays, tick)
+        run_rows(self._occlusion, second, len(partly), rays, tick)
         return shares, again
 
     def divided(self, light: Light, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -66,7 +66,7 @@ class PatchLamps:
             _, found[block], asked = self._asked(light, rows[block], MOST_FIRST, True)
             return asked
 
-        self._occlusion.run_blocks(ask, len(rows), max(1, BLOCK // MOST_FIRST))
+        run_rows(self._occlusion, ask, len(rows), MOST_FIRST)
         return found
 
     def _asked(
@@ -84,19 +84,18 @@ class PatchLamps:
         most, least = (np.where(weights > 0, passed, side) for side in (0.0, 1.0))
         return shares, most.max(axis=1) - least.min(axis=1) > SAME, asked
 
-    def _run(self, work: Callable[[NDArray[np.int64]], int], rows: NDArray[np.int64], rays: int, tick: Tick) -> None:
-        """Runs `work` on all rows in blocks."""
-        size = max(1, BLOCK // rays)
 
-        def block(part: slice) -> int:
-            return work(rows[part])
-
-        if self._occlusion is not None:
-            self._occlusion.run_blocks(block, len(rows), size, tick)
-            return
-        for start in range(0, len(rows), size):
-            block(slice(start, start + size))
-            tick(min(1.0, (start + size) / len(rows)))
+def run_rows(
+    occlusion: Occlusion | None, work: Callable[[slice], int], count: int, each: int, tick: Tick = silent
+) -> None:
+    """Runs `work` on all of so many rows, where each takes so many rays."""
+    size = max(1, BATCH // each)
+    if occlusion is not None:
+        occlusion.run_blocks(work, count, size, tick)
+        return
+    for start in range(0, count, size):
+        work(slice(start, min(start + size, count)))
+        tick(min(1.0, (start + size) / count))
 
 
 def sent(
