@@ -93,9 +93,11 @@ pub fn faces(x: DVec3, triangle: &[DVec3; 3]) -> bool {
     let relative = x - a;
     let edge = (b - a).abs().max_element().max((c - a).abs().max_element());
     let corner = a.abs().max_element().max(x.abs().max_element());
-    // A point in the plane up to rounding sees nothing of the triangle; that of the corners tilts the plane of a sliver.
-    let rounding = 1e-12 * normal.length() + 4.0 * f64::EPSILON * edge * corner.max(edge);
-    normal.dot(relative) > rounding * relative.length()
+    // Each corner, and the point, may be off by that much: corners that are means of means, say. It tilts a sliver's plane.
+    let off = 4.0 * f64::EPSILON * corner.max(edge);
+    // A point in the plane up to rounding sees nothing of the triangle.
+    let rounding = (1e-12 * normal.length() + off * edge) * relative.length() + off * normal.length();
+    normal.dot(relative) > rounding
 }
 
 #[cfg(test)]
@@ -177,19 +179,36 @@ mod tests {
         assert_eq!(point_to_triangle([0.0, 0.0, 0.0], [0., 0., -1.], &flat), 0.0);
     }
 
-    #[test]
-    fn parts_of_a_sliver_see_nothing_of_each_other() {
-        let (a, b) = (DVec3::new(0.3, -0.7, 0.9), DVec3::new(-0.8, 0.45, 0.1));
-        let c = (a + b) / 2.0 + 1e-6 * DVec3::new(0.2, 0.9, -0.4);
-        let normal = (b - a).cross(c - a).normalize();
-        let at = |s: f64, t: f64| a + s * (b - a) + t * (c - a);
-        for k in 0..16 {
-            let s = k as f64 / 16.0;
-            let part = [at(s, 0.0), at(s + 0.05, 0.0), at(s + 0.02, 0.03)].map(Into::into);
-            for other in [at(s + 0.02, 0.01), at(0.97 - s, 0.02)] {
-                for side in [normal, -normal] {
-                    assert_eq!(point_to_triangle(other.into(), side.into(), &part), 0.0, "{k}");
-                }
+    /// The part of a triangle that is left when its longest edge is halved over and over.
+    fn part(mut triangle: [DVec3; 3], halves: &[bool]) -> [DVec3; 3] {
+        for &first in halves {
+            let length = |i: usize| triangle[i].distance_squared(triangle[(i + 1) % 3]);
+            let longest = (0..3).max_by(|&i, &j| length(i).total_cmp(&length(j))).unwrap();
+            let [a, b, c] = [0, 1, 2].map(|i| triangle[(longest + i) % 3]);
+            triangle = if first { [a, (a + b) / 2.0, c] } else { [(a + b) / 2.0, b, c] };
+        }
+        triangle
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(5000))]
+        #[test]
+        fn parts_of_a_sliver_see_nothing_of_each_other(
+            [a, b, apart] in triangle(0.0),
+            shift in -5.0..5.0,
+            halves in prop::collection::vec(any::<bool>(), 0..12),
+            [across, along] in [0.0..1.0, 0.0..1.0],
+            digits in -12.0..0.0,
+        ) {
+            let [a, b, apart] = [a, b, apart].map(|v| DVec3::from(v) + shift);
+            let sliver: [DVec3; 3] = [a, b, (a + b) / 2.0 + 1e-6 * (apart - shift)];
+            let normal = (sliver[1] - sliver[0]).cross(sliver[2] - sliver[0]).normalize();
+            let seen = part(sliver, &halves);
+            // From far to close to one of its corners.
+            let x: DVec3 = seen[0] + 10f64.powf(digits) * (along * (sliver[1] - sliver[0]) + across * (sliver[2] - sliver[0]));
+            let seen = seen.map(Into::into);
+            for side in [normal, -normal] {
+                prop_assert_eq!(point_to_triangle(x.into(), side.into(), &seen), 0.0);
             }
         }
     }
