@@ -59,8 +59,14 @@ def received_balance(rows: NDArray[np.float64], closed: bool) -> NDArray[np.floa
     return 1.0 / np.where(wrong | (rows > 1 + CLOSE), rows, 1.0)
 
 
-def sent_balance(rows: NDArray[np.float64], columns: NDArray[np.float64], shares: Shares | None) -> NDArray[np.float64]:
-    """Factors (N, 1) for sources from their rows and columns (N, 1).
+def sent_balance(
+    rows: NDArray[np.float64],
+    columns: NDArray[np.float64],
+    shares: Shares | None,
+    weights: NDArray[np.float64],
+    groups: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Factors (N, 1) for sources of areas (N, 1) in groups (N,) from their rows and columns (N, 1).
 
     rows: what each receives where all surfaces have radiosity 1; columns: the share of its light that arrives. Both
     are the same by reciprocity, but for sums over points; rays tell between which bounds they lie.
@@ -68,7 +74,9 @@ def sent_balance(rows: NDArray[np.float64], columns: NDArray[np.float64], shares
     goal = np.minimum(rows, 1.0)
     if shares is not None:
         goal = np.clip(goal, shares.fronts[:, None], shares.met[:, None])
-    return np.clip(goal / np.maximum(columns, np.finfo(float).tiny), 0.0, MORE)
+    # Of the parts of a patch few rays meet any, and some are met by none: what these lack has arrived from the others.
+    wanted, found = (np.bincount(groups, (weights * values)[:, 0]) for values in (goal, columns))
+    return np.clip(wanted / np.maximum(found, np.finfo(float).tiny), 0.0, MORE)[groups, None]
 
 
 def looks_closed(occlusion: Occlusion, particles: Particles) -> bool:

@@ -51,6 +51,7 @@ def bisected(particles: Particles, rows: NDArray[np.int64]) -> Particles:
         areas=both(particles.areas, np.tile(particles.areas[rows] / 2, 2)),
         radii=both(particles.radii, largest(lengths(halves - centroids(halves)[:, None]))),
         whole=both(particles.whole, np.ones(grown, bool)),
+        origin=both(particles.origin, np.tile(particles.origin[rows], 2)),
         edges=edges,
         fractions=fractions,
         parts=parts,
@@ -79,4 +80,5 @@ def joined(first: Particles, second: Particles) -> Particles:
         edges=nodes(first.edges, second.edges),
         fractions=nodes(first.fractions, second.fractions),
         parts=nodes(*parts),
+        origin=np.concatenate([first.origin, len(first.areas) + second.origin]),
     )

@@ -50,6 +50,7 @@ class Particles:
     rule (per_patch, 3) barycentric coordinates of the points of a patch, shares (per_patch,) of its area
     edges (K,), fractions (K,), parts (K, 2) the bisection of the scene's triangles, as the core's `Surface` takes it
     solid (T,) area of what is there of each triangle of the scene
+    origin (P,) the patch that each is a part of: patches may be cut again later
     """
 
     positions: NDArray[np.float64]
@@ -69,6 +70,7 @@ class Particles:
     fractions: NDArray[np.float64]
     parts: NDArray[np.uint32]
     solid: NDArray[np.float64]
+    origin: NDArray[np.int64]
 
     def of_triangles(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 3) what is given for each triangle (T, 3), for each particle; the mean where it stands for several."""
@@ -104,11 +106,18 @@ class Particles:
         """(N,) squared distance below which a particle's kernel stops growing."""
         return np.repeat((SOFTENING * self.radii) ** 2, self.per_patch)
 
+    @property
+    def groups(self) -> NDArray[np.int64]:
+        """(N,) one number for the points of all parts of a patch that was cut later, and for each other point."""
+        cut = np.bincount(self.origin)[self.origin] > 1
+        points = np.arange(self.per_patch) * ~cut[:, None]
+        return (self.per_patch * self.origin[:, None] + points).ravel()
+
     def only(self, chosen: NDArray[np.bool_]) -> "Particles":
         """The particles (N,) that are chosen, patch by patch."""
         patches = chosen.reshape(-1, self.per_patch)[:, 0]
         of_points = ("positions", "normals", "weights", "hidden", "triangle", "emits")
-        of_patches = ("patches", "areas", "radii", "whole")
+        of_patches = ("patches", "areas", "radii", "whole", "origin")
         parts = {name: getattr(self, name)[chosen] for name in of_points}
         return replace(self, **parts, **{name: getattr(self, name)[patches] for name in of_patches})
 
@@ -166,6 +175,7 @@ def make_particles(scene: Scene, count: int, degree: int, buried: Buried | None 
         fractions=cut.fractions,
         parts=_with_backs(cut, back),
         solid=_solid(scene),
+        origin=np.arange(len(patches)),
     )
 
 

@@ -16,9 +16,10 @@ from .visibility import BATCH, Occlusion
 Points = NDArray[np.float64]
 
 #: Rays to a lamp from random places of a patch that tell whether all of it gets the same share, at least and at most,
-#: and from all patches together; and to how many points of the lamp each place sends its own, unless it is one.
+#: and from all patches together.
 FEWEST_FIRST, MOST_FIRST, FIRST = 4, 256, 200_000
-EACH = 2
+#: The same, where it matters whether a patch has a spot anywhere.
+TO_FIND = 512
 #: Rays from a patch that gets its light in part, at most, and from all of these together for each of the settings.
 MOST, TOGETHER = 4096, 10_000
 #: Shares that differ by less are the same.
@@ -63,20 +64,19 @@ class PatchLamps:
         found = np.zeros(len(rows), bool)
 
         def ask(block: slice) -> int:
-            _, found[block], asked = self._asked(light, rows[block], MOST_FIRST, True)
+            _, found[block], asked = self._asked(light, rows[block], TO_FIND, True)
             return asked
 
-        run_rows(self._occlusion, ask, len(rows), MOST_FIRST)
+        run_rows(self._occlusion, ask, len(rows), TO_FIND)
         return found
 
     def _asked(
         self, light: Light, rows: NDArray[np.int64], rays: int, shadows: bool
     ) -> tuple[Points, NDArray[np.bool_], int]:
         """(R,) the shares of some patches by so many rays of each, whether these differ, and how many were traced."""
-        each = 1 if light.is_small else EACH
-        places, rng = rays // each, np.random.default_rng([rays, rows[0]])
-        _, points, normals = self._places.random(rows, places, rng)
-        weights, passed, asked = sent(light, points, normals, each, rng, self._occlusion if shadows else None)
+        rng = np.random.default_rng([rays, rows[0]])
+        _, points, normals = self._places.random(rows, rays, rng)
+        weights, passed, asked = sent(light, points, normals, 1, rng, self._occlusion if shadows else None)
         weights *= light.scale(points)[:, None]
         weights, passed = weights.reshape(len(rows), -1), passed.reshape(len(rows), -1)
         sums = weights.sum(axis=1)

@@ -13,7 +13,7 @@ from .exchange import Exchange
 from .kept import KeptVisibility
 from .moving import next_frame
 from .multipole import MultipoleSpace
-from .particles import make_particles, serve
+from .particles import Particles, make_particles, serve
 from .progress import Progress
 from .report import Report
 from .scene import Scene
@@ -97,13 +97,7 @@ def _solve(
             first, particles = scene, make_particles(scene, count, degree, buried)
             report.warnings += kept.remake(scene)
         if occlusion is not None:
-            cuts = None if kept is None else kept.cuts
-            if cuts is None:
-                particles, cuts = cut_by_spots(scene, particles, occlusion, settings.rays)
-            else:
-                particles = reduce(bisected, cuts, particles)
-            if kept is not None:
-                kept.cuts = cuts
+            particles = _cut(scene, particles, occlusion, settings.rays, kept)
     report.counts.update(triangles=triangles, particles=len(particles))
     single = 6.0 if multipole and occlusion else 12.0
     room = None
@@ -116,6 +110,18 @@ def _solve(
     report.counts["rays"], report.kept = sums.rays, sums.replayed > 0
     used = replace(settings, particles=count)
     return Solution(whole, scene, asked, used, exchange, radiosity, report, kept, first)
+
+
+def _cut(
+    scene: Scene, particles: Particles, occlusion: Occlusion, rays: float, kept: KeptVisibility | None
+) -> Particles:
+    """The particles with patches cut by bright spots, as they were where that is kept."""
+    if kept is not None and kept.cuts is not None:
+        return reduce(bisected, kept.cuts, particles)
+    particles, cuts = cut_by_spots(scene, particles, occlusion, rays)
+    if kept is not None:
+        kept.cuts = cuts
+    return particles
 
 
 def _moved(before: Solution, scene: Scene, progress: Progress | None) -> Solution | None:

@@ -16,7 +16,9 @@ Rows = NDArray[np.int64]
 #: Patches are cut that would reflect more of a lamp's light than this many times the mean light of all.
 BRIGHT = 2.5
 #: So many times at most, and until there are so many more particles: a share of all, or a number.
-CUTS, MORE, FEW_MORE = 8, 0.5, 2000
+CUTS, MORE, FEW_MORE = 10, 0.5, 4000
+#: Rays of each particle that tell the mean light of all.
+MEAN_RAYS = 16
 
 
 def cut_by_spots(scene: Scene, particles: Particles, occlusion: Occlusion, rays: float) -> tuple[Particles, list[Rows]]:
@@ -28,7 +30,7 @@ def cut_by_spots(scene: Scene, particles: Particles, occlusion: Occlusion, rays:
         return particles, cuts
     # What is asked here is not asked again where the cuts are known.
     apart = occlusion.apart()
-    least = BRIGHT * _mean_light(scene, particles, apart, rays)
+    least = BRIGHT * _mean_light(scene, particles, apart)
     rows, most = np.arange(len(particles.areas)), len(particles) + max(MORE * len(particles), FEW_MORE)
     for _ in range(CUTS):
         rows = _divided(scene, particles, rows, PatchLamps(particles, apart, rays), least)
@@ -42,9 +44,9 @@ def cut_by_spots(scene: Scene, particles: Particles, occlusion: Occlusion, rays:
     return particles, cuts
 
 
-def _mean_light(scene: Scene, particles: Particles, occlusion: Occlusion, rays: float) -> float:
+def _mean_light(scene: Scene, particles: Particles, occlusion: Occlusion) -> float:
     """W/m^2 that surfaces emit, and reflect of the light of lamps, all colours alike."""
-    lit = Receivers(particles.positions, particles.normals, occlusion, rays, particles).irradiance(scene)
+    lit = Receivers(particles.positions, particles.normals, occlusion, MEAN_RAYS, particles).irradiance(scene)
     own = particles.of_triangles(scene.emission) + particles.of_triangles(scene.albedo) * lit
     return float((own.mean(axis=1) * particles.weights).sum() / particles.weights.sum())
 

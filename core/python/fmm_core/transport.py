@@ -36,7 +36,7 @@ class Operator:
         correction: _binding.Correction,
         mirrored: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     ) -> None:
-        self._weights = particles.weights[:, None]
+        self._weights, self._groups = particles.weights[:, None], particles.groups
         self._sum, self._correction, self._mirrored = summation, correction, mirrored
         self._received: NDArray[np.float64] | float = 1.0
         self._sent: NDArray[np.float64] | float = 1.0
@@ -64,7 +64,7 @@ class Operator:
         for _ in range(ROUNDS):
             areas = self._weights * self._received
             columns = self._mirrored(areas) + self._correction.sent(areas[:, 0])[:, None]
-            self._sent = sent_balance(rows, columns, shares)
+            self._sent = sent_balance(rows, columns, shares, self._weights, self._groups)
             self.received_balanced(closed, lit)
         return lit
 
