@@ -27,8 +27,8 @@ MORE = 2.0
 SEEN = 0.3
 #: A scene is closed when no more of its rays leave it.
 LEAK = 1e-4
-#: Rays over the hemisphere of a particle, of one that emits, and about how many together.
-RAYS, EMITTER_RAYS, ALL_RAYS = 64, 512, 320_000
+#: Rays over the hemisphere of a particle, at least and at most, and about how many together: emitters have as many.
+LEAST_RAYS, MOST_RAYS, ALL_RAYS = 4, 512, 320_000
 #: Random particles, and rays of each, that are enough to tell whether light can leave a scene.
 FEW, FEW_RAYS = 4000, 16
 #: Corners closer than this share of the scene are one.
@@ -45,10 +45,9 @@ class Shares(NamedTuple):
 def find_shares(occlusion: Occlusion, particles: Particles) -> Shares:
     """What the particles see; emitters, whose light is most of it, send more rays to tell."""
     fronts, met = np.empty(len(particles)), np.empty(len(particles))
-    usual = max(RAYS // 16, min(RAYS, ALL_RAYS // len(particles)))
-    for emits, rays in ((False, usual), (True, EMITTER_RAYS)):
+    for emits in (False, True):
         rows = np.flatnonzero(particles.emits == emits)
-        rays = max(usual, min(rays, ALL_RAYS // max(1, len(rows))))
+        rays = int(np.clip(ALL_RAYS // max(1, len(rows)), LEAST_RAYS, MOST_RAYS))
         fronts[rows], met[rows] = occlusion.shares_met(particles.positions[rows], particles.normals[rows], rays)
     return Shares(fronts, met)
 
