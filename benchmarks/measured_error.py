@@ -13,7 +13,7 @@ takes as a share of the other seconds of the bake.
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from typing import Any
 
@@ -172,7 +172,8 @@ SMALL, FEW = ("room, 500 points",), 0.1
 def truth(scene: Scene, points: Points, effort: float) -> Array:
     """Two independent estimates (2, M, 3) of the irradiance at the points, by a share of all rays."""
     rays = np.clip(TRUTH_RAYS // len(points[0]), LEAST_RAYS, MOST_RAYS)
-    return solve(scene, FINE).estimates(*points, round(effort * rays), round(effort * TRUTH_SAMPLES))
+    fine = replace(FINE, rays=round(effort * FINE.rays), particles=round(effort**0.5 * FINE.particles))
+    return solve(scene, fine).estimates(*points, round(effort * rays), round(effort * TRUTH_SAMPLES))
 
 
 def true_error(found: Array, exact: Array) -> float:

@@ -129,7 +129,7 @@ def draw(path: Path, rows: list[Row]) -> None:
 def main() -> None:
     arguments = parser(__doc__, "postponement.png").parse_args()
     print_machine()
-    scenes = ["empty", "one block", "two blocks"] + ([] if arguments.small else ["alternative"])
+    scenes = ["empty", "two blocks"] if arguments.small else ["empty", "one block", "two blocks", "alternative"]
     rows = run(scenes, SMALL if arguments.small else SIZES)
     print_table(rows, COLUMNS)
     draw(arguments.picture, rows)

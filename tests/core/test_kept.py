@@ -105,7 +105,7 @@ def test_only_new_output_points_and_settings_are_traced():
 
 def test_what_two_solves_do_not_ask_for_is_dropped(tmp_path):
     kept, sizes = fmm_core.KeptVisibility(), []
-    for count in (2000, 300, 300, 300):
+    for count in (4000, 300, 300, 300):
         solve(kept, particles=count, method="direct")
         kept.save(tmp_path / "room")
         sizes.append((tmp_path / "room").stat().st_size)

@@ -24,7 +24,7 @@ def bake_all(folder, faces, samples):
 
 @pytest.fixture(scope="module")
 def coarse(tmp_path_factory):
-    return bake_all(tmp_path_factory.mktemp("coarse"), 12, 1024)
+    return bake_all(tmp_path_factory.mktemp("coarse"), 12, 512)
 
 
 @pytest.fixture(scope="module")

@@ -75,9 +75,11 @@ def test_light_is_linear_in_emission(cases):
         # Once more, so that relighting takes a row for each triangle.
         scene = fmm_core.Scene(scene.triangles, scene.albedo, scene.emission, scene.two_sided)
         solution = fmm_core.solve(scene, fmm_core.Settings(particles=120, probes=0))
-        points = solution.particles.positions, solution.particles.normals
+        rng, particles = np.random.default_rng(0), solution.particles
+        some = rng.permutation(len(particles))[:60]
+        points = particles.positions[some], particles.normals[some]
         once = solution.irradiance(*points)
-        part = np.random.default_rng(0).random((len(scene.triangles), 1)) * scene.emission
+        part = rng.random((len(scene.triangles), 1)) * scene.emission
         one, other = (solution.relight(factor * emission) for emission in (part, scene.emission - part))
         both = one.irradiance(*points) + other.irradiance(*points)
         assert np.abs(both / factor - once).max() <= 2e-3 * once.max()

@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from .arrays import centroids, largest, lengths
 from .particles import NO_PATCH, Particles, bisect
 
+#: Parts of a patch that has less than this share of all area stay together: too few rays tell what each of them sends.
+TOGETHER = 1e-4
+
 
 def bisected(particles: Particles, rows: NDArray[np.int64]) -> Particles:
     """The same with some of the patches (K,) cut in two: whole ones of one side. The first half takes the place of the
@@ -22,6 +25,7 @@ def bisected(particles: Particles, rows: NDArray[np.int64]) -> Particles:
     edge = sides.argmax(axis=1)
     halves = bisect(corners, edge, np.full(len(rows), 0.5))
     new = np.concatenate([rows, count + np.arange(len(rows))])
+    apart = np.tile(particles.areas[rows] > TOGETHER * particles.areas.sum(), 2)
 
     def both(values: NDArray, of_halves: NDArray) -> NDArray:
         found = np.concatenate([values, of_halves[len(rows) :]])
@@ -51,7 +55,7 @@ def bisected(particles: Particles, rows: NDArray[np.int64]) -> Particles:
         areas=both(particles.areas, np.tile(particles.areas[rows] / 2, 2)),
         radii=both(particles.radii, largest(lengths(halves - centroids(halves)[:, None]))),
         whole=both(particles.whole, np.ones(grown, bool)),
-        origin=both(particles.origin, np.tile(particles.origin[rows], 2)),
+        origin=both(particles.origin, np.where(apart, new, np.tile(particles.origin[rows], 2))),
         edges=edges,
         fractions=fractions,
         parts=parts,

@@ -50,7 +50,7 @@ class Particles:
     rule (per_patch, 3) barycentric coordinates of the points of a patch, shares (per_patch,) of its area
     edges (K,), fractions (K,), parts (K, 2) the bisection of the scene's triangles, as the core's `Surface` takes it
     solid (T,) area of what is there of each triangle of the scene
-    origin (P,) the patch that each is a part of: patches may be cut again later
+    origin (P,) the patch that each is a small part of, if patches were cut again later
     """
 
     positions: NDArray[np.float64]
@@ -108,7 +108,7 @@ class Particles:
 
     @property
     def groups(self) -> NDArray[np.int64]:
-        """(N,) one number for the points of all parts of a patch that was cut later, and for each other point."""
+        """(N,) one number for the points of all small parts of a patch, and for each other point."""
         cut = np.bincount(self.origin)[self.origin] > 1
         points = np.arange(self.per_patch) * ~cut[:, None]
         return (self.per_patch * self.origin[:, None] + points).ravel()

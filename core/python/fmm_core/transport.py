@@ -91,7 +91,7 @@ def passing(
 ) -> NDArray[np.bool_]:
     """(R,) which ways between starts and ends (R, 3) pass through boxes (2, 3)."""
     found, way = np.zeros(len(starts), bool), ends - starts
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for low, high in boxes:
             one, other = (low - starts) / way, (high - starts) / way
             # What does not move along an axis is between two faces all the way, or never.
