@@ -20,7 +20,7 @@ from .visibility import Occlusion
 #: that is above would darken. In a closed scene all are that are no further from it: those below see backs.
 CLOSE, CLOSED = 0.05, 0.3
 #: Receivers and sources are balanced in turn so many times.
-ROUNDS = 6
+ROUNDS = 3
 #: Sources are made to send no more than this many times what they did.
 MORE = 2.0
 #: What receives less than this share of a hemisphere is taken to lie inside others, and not to be seen.
