@@ -58,6 +58,13 @@ def received_balance(rows: NDArray[np.float64], closed: bool) -> NDArray[np.floa
     return 1.0 / np.where(wrong | (rows > 1 + CLOSE), rows, 1.0)
 
 
+def source_groups(particles: Particles) -> NDArray[np.int64]:
+    """(N,) one number for the points of all small parts of a patch, and for each other point."""
+    origin, per_patch = particles.origin, particles.per_patch
+    cut = np.bincount(origin)[origin] > 1
+    return (per_patch * origin[:, None] + np.arange(per_patch) * ~cut[:, None]).ravel()
+
+
 def sent_balance(
     rows: NDArray[np.float64],
     columns: NDArray[np.float64],

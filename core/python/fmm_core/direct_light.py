@@ -99,8 +99,8 @@ class Receivers:
                 continue
             at = np.flatnonzero(self._partly[light.geometry][of])
             x, n = places[at], normals[at]
-            _, passed, rays = sent(light, x, n, 1, rng, occlusion if light.shadows else None)
-            there = light.without_cone.unshadowed(x, n) * passed[:, 0]
+            _, passed, rays = sent(light, x, n, rng, occlusion if light.shadows else None)
+            there = light.without_cone.unshadowed(x, n) * passed
             found[at] += (there - self._lamps[light.geometry][of[at]])[:, None] * light.colour
             asked += rays
         return found, asked

@@ -106,13 +106,6 @@ class Particles:
         """(N,) squared distance below which a particle's kernel stops growing."""
         return np.repeat((SOFTENING * self.radii) ** 2, self.per_patch)
 
-    @property
-    def groups(self) -> NDArray[np.int64]:
-        """(N,) one number for the points of all small parts of a patch, and for each other point."""
-        cut = np.bincount(self.origin)[self.origin] > 1
-        points = np.arange(self.per_patch) * ~cut[:, None]
-        return (self.per_patch * self.origin[:, None] + points).ravel()
-
     def only(self, chosen: NDArray[np.bool_]) -> "Particles":
         """The particles (N,) that are chosen, patch by patch."""
         patches = chosen.reshape(-1, self.per_patch)[:, 0]

@@ -39,10 +39,8 @@ class PatchLamps:
         one of its places to the next.
         """
         count = len(self._places.triangles)
-        shares, again = np.empty(count), np.zeros(count, bool)
+        shares, again, every = np.empty(count), np.zeros(count, bool), np.arange(count)
         few = int(np.clip(FIRST // count, FEWEST_FIRST, MOST_FIRST))
-
-        every = np.arange(count)
 
         def first(block: slice) -> int:
             shares[block], again[block], asked = self._asked(light, every[block], few, shadows)
@@ -76,9 +74,9 @@ class PatchLamps:
         """(R,) the shares of some patches by so many rays of each, whether these differ, and how many were traced."""
         rng = np.random.default_rng([rays, rows[0]])
         _, points, normals = self._places.random(rows, rays, rng)
-        weights, passed, asked = sent(light, points, normals, 1, rng, self._occlusion if shadows else None)
-        weights *= light.scale(points)[:, None]
-        weights, passed = weights.reshape(len(rows), -1), passed.reshape(len(rows), -1)
+        weights, passed, asked = sent(light, points, normals, rng, self._occlusion if shadows else None)
+        weights = (weights * light.scale(points)).reshape(len(rows), -1)
+        passed = passed.reshape(len(rows), -1)
         sums = weights.sum(axis=1)
         shares = (weights * passed).sum(axis=1) / np.where(sums > 0, sums, 1.0)
         most, least = (np.where(weights > 0, passed, side) for side in (0.0, 1.0))
@@ -99,20 +97,20 @@ def run_rows(
 
 
 def sent(
-    light: Light, points: Points, normals: Points, each: int, rng: np.random.Generator, occlusion: Occlusion | None
+    light: Light, points: Points, normals: Points, rng: np.random.Generator, occlusion: Occlusion | None
 ) -> tuple[Points, Points, int]:
-    """For so many random points of a lamp for each receiver (M, 3) with normals (M, 3), of what they bring without any
-    cone (M, K), which share arrives (M, K) through what is in the way; and how many rays were traced, to be called by
-    what `run_blocks` runs.
+    """For a random point of a lamp for each receiver (M, 3) with normals (M, 3), of what it brings without any cone
+    (M,), which share arrives (M,) through what is in the way; and how many rays were traced, to be called by what
+    `run_blocks` runs.
     """
-    numbers = patterns.sequence(len(points) * each, rng.random(2), patterns.R2).reshape(-1, each, 2)
+    numbers = patterns.sequence(len(points), rng.random(2), patterns.R2)[:, None]
     if light.is_round:
         numbers = numbers * [1.0, 2 * np.pi]
     samples = light.samples(points, normals, numbers)
-    passed = samples.cones.copy()
+    weights, passed = samples.weights[:, 0], samples.cones[:, 0].copy()
     if occlusion is None:
-        return samples.weights, passed, 0
-    place, k = np.nonzero((samples.weights > 0) & (passed > 0))
-    ends = points[place], normals[place], samples.directions[place, k], samples.distances[place, k]
-    passed[place, k] *= occlusion.transmitted(*ends)
-    return samples.weights, passed, len(place)
+        return weights, passed, 0
+    asked = np.flatnonzero((weights > 0) & (passed > 0))
+    ends = points[asked], normals[asked], samples.directions[asked, 0], samples.distances[asked, 0]
+    passed[asked] *= occlusion.transmitted(*ends)
+    return weights, passed, len(asked)

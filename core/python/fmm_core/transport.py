@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from . import _binding
 from .arrays import ROUNDING
-from .balance import ROUNDS, SEEN, Shares, find_shares, is_closed, received_balance, sent_balance
+from .balance import (
+    ROUNDS,
+    SEEN,
+    Shares,
+    find_shares,
+    is_closed,
+    received_balance,
+    sent_balance,
+    source_groups,
+)
 from .fit import Sight, clear_sight, find_sight
 from .particles import Particles
 from .progress import Tick, silent
@@ -36,7 +45,7 @@ class Operator:
         correction: _binding.Correction,
         mirrored: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     ) -> None:
-        self._weights, self._groups = particles.weights[:, None], particles.groups
+        self._particles, self._weights = particles, particles.weights[:, None]
         self._sum, self._correction, self._mirrored = summation, correction, mirrored
         self._received: NDArray[np.float64] | float = 1.0
         self._sent: NDArray[np.float64] | float = 1.0
@@ -60,11 +69,11 @@ class Operator:
         self.received_balanced(closed, lit)
         if not single:
             return lit
-        rows = self._clear(everything)
+        rows, groups = self._clear(everything), source_groups(self._particles)
         for _ in range(ROUNDS):
             areas = self._weights * self._received
             columns = self._mirrored(areas) + self._correction.sent(areas[:, 0])[:, None]
-            self._sent = sent_balance(rows, columns, shares, self._weights, self._groups)
+            self._sent = sent_balance(rows, columns, shares, self._weights, groups)
             self.received_balanced(closed, lit)
         return lit
 
