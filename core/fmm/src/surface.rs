@@ -14,6 +14,8 @@ pub const NO_PATCH: u32 = u32::MAX;
 /// How far before its place on a triangle a ray is taken to be, as a share of the edges: so much above single precision that
 /// rays almost along what divides the triangle stay on their side.
 const ROUNDED: f64 = 4e-5;
+/// Sine of the angle to the normal below which a ray comes from no side: that of a direction in single precision is rounding.
+const UPRIGHT: f64 = 1e-6;
 
 /// The undivided triangles, each the root of a tree of bisections whose leaves are patches.
 #[derive(Debug)]
@@ -160,7 +162,8 @@ impl Surface {
     /// The place on a divided triangle that a ray came over just before it met it: places are rounded, and where another
     /// surface divides the triangle rounding must not put it on the far side.
     fn before(&self, triangle: usize, (u, v): (f64, f64), direction: [f64; 3]) -> (f64, f64) {
-        if self.edges[triangle] < 0 {
+        let n = self.normals[triangle];
+        if self.edges[triangle] < 0 || norm(cross(n, direction)) < UPRIGHT * norm(n) * norm(direction) {
             return (u, v);
         }
         let [a, b, c] = self.triangles[triangle];
