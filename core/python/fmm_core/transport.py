@@ -71,11 +71,19 @@ class Operator:
             return lit
         rows, groups = self._clear(everything), source_groups(self._particles)
         for _ in range(ROUNDS):
-            areas = self._weights * self._received
-            columns = self._mirrored(areas) + self._correction.sent(areas[:, 0])[:, None]
-            self._sent = sent_balance(rows, columns, shares, self._weights, groups)
+            self._sent = self._sent_balance(rows, shares, groups)
             self.received_balanced(closed, lit)
+        # Where receivers and sources cannot both be right yet, some light is lost rather than made.
+        self._sent = np.minimum(self._sent, self._sent_balance(rows, shares, groups))
         return lit
+
+    def _sent_balance(
+        self, rows: NDArray[np.float64], shares: Shares | None, groups: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """Factors (N, 1) for sources as the receivers are balanced now."""
+        areas = self._weights * self._received
+        columns = self._mirrored(areas) + self._correction.sent(areas[:, 0])[:, None]
+        return sent_balance(rows, columns, shares, self._weights, groups)
 
     def apply(self, radiosity: NDArray) -> NDArray[np.float64]:
         """Irradiance (M, C) at the receivers for the particles' radiosity (N, C) in C channels, 1 or 3, both W/m^2;
