@@ -260,6 +260,18 @@ def test_shadows_stay_far_from_the_origin(points, away):
     assert error(there.irradiance(points[0] + far, points[1]), here.irradiance(*points)) < 3e-3
 
 
+def test_rays_from_a_sliver_do_not_meet_it():
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        a, b, aside = rng.uniform(-1, 1, (3, 3))
+        sliver = np.array([a, b, (a + b) / 2 + 1e-6 * aside])
+        occlusion = visibility.Occlusion(fmm_core.Scene(sliver[None], 0.5, 1.0))
+        normal = np.cross(sliver[1] - sliver[0], sliver[2] - sliver[0])
+        normals = np.array([normal, -normal]) / np.linalg.norm(normal)
+        points = np.tile(sliver.mean(axis=0), (2, 1))
+        assert occlusion.shares_met(points, normals, 64)[1].max() == 0
+
+
 @pytest.mark.parametrize("opaque", [True, False])
 def test_rays_meet_the_same_triangles_however_these_are_given_to_the_tracer(monkeypatch, opaque):
     opacity = 1.0 if opaque else fmm_core.Opacity(np.full(len(TWO_BLOCKS), 0.5))

@@ -39,6 +39,9 @@ OFFSET = 2e-6
 #: Embree may let a ray slip through the joint of two triangles: one that meets a triangle so near to its edge, in half
 #: scene sizes, ten times embree's error, is asked again, as far beyond the edge.
 RIM = 5e-7
+#: A triangle of less than this share of its longest edge across has no plane in single precision: embree would meet it
+#: anywhere, also from its own points, and rays leave it out.
+FLAT = 1e-5
 #: A ray to a lamp ends so much before it, in half scene sizes: a lamp may lie on a ceiling.
 END = 4e-6
 #: Length of a ray that leaves the scene, in half scene sizes: the box of the scene is less than 4 across.
@@ -75,13 +78,15 @@ class _Tracer:
         self._scene = embreex.rtcore_scene.EmbreeScene()
         starts = range(0, len(corners), PIECE)
         make = embreex.mesh_construction.TriangleMesh
-        self._meshes = [make(self._scene, corners[start : start + PIECE]) for start in starts]
+        edges = np.roll(corners, -1, axis=1) - corners
+        twice, longest = lengths(np.cross(edges[:, 0], edges[:, 1])), largest(lengths(edges))
+        # Embree leaves out what has no place.
+        solid = np.where((twice < FLAT * longest**2)[:, None, None], np.float32(np.nan), corners)
+        self._meshes = [make(self._scene, solid[start : start + PIECE]) for start in starts]
         _commit(self._scene)
         self._corners = corners
-        edges = np.roll(corners, -1, axis=1) - corners
-        twice = lengths(np.cross(edges[:, 0], edges[:, 1]))
         # `RIM` as a share of the least altitude.
-        self._rims = RIM * largest(lengths(edges)) / np.maximum(twice, np.float32(1e-30))
+        self._rims = RIM * longest / np.maximum(twice, np.float32(1e-30))
 
     def run(
         self,
