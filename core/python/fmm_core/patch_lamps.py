@@ -21,7 +21,7 @@ FEWEST_FIRST, MOST_FIRST, FIRST = 4, 256, 200_000
 #: The same, where it matters whether a patch has a spot anywhere.
 TO_FIND = 512
 #: Rays from a patch that gets its light in part, at most, and from all of these together for each of the settings.
-MOST, TOGETHER = 4096, 10_000
+MOST, ALL_RAYS = 4096, 10_000
 #: Shares that differ by less are the same.
 SAME = 1e-3
 
@@ -48,7 +48,7 @@ class PatchLamps:
 
         run_rows(self._occlusion, first, count, few, tick)
         partly = np.flatnonzero(again)
-        rays = int(np.clip(TOGETHER * self._rays / max(1, len(partly)), 2 * few, MOST))
+        rays = int(np.clip(ALL_RAYS * self._rays / max(1, len(partly)), 2 * few, MOST))
 
         def second(block: slice) -> int:
             shares[partly[block]], _, asked = self._asked(light, partly[block], rays, shadows)

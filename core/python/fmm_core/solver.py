@@ -97,7 +97,7 @@ def _solve(
             first, particles = scene, make_particles(scene, count, degree, buried)
             report.warnings += kept.remake(scene)
         if occlusion is not None:
-            particles = _cut(scene, particles, occlusion, settings.rays, kept)
+            particles = _cut_by_spots(scene, particles, occlusion, settings.rays, kept)
     report.counts.update(triangles=triangles, particles=len(particles))
     single = 6.0 if multipole and occlusion else 12.0
     room = None
@@ -112,7 +112,7 @@ def _solve(
     return Solution(whole, scene, asked, used, exchange, radiosity, report, kept, first)
 
 
-def _cut(
+def _cut_by_spots(
     scene: Scene, particles: Particles, occlusion: Occlusion, rays: float, kept: KeptVisibility | None
 ) -> Particles:
     """The particles with patches cut by bright spots, as they were where that is kept."""

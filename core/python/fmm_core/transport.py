@@ -62,7 +62,7 @@ class Operator:
     def balanced(self, closed: bool, shares: Shares | None, single: bool = True) -> NDArray[np.bool_]:
         """Makes the exchange keep the energy (`balance.py`); returns which particles (N, 1) others can see.
 
-        single: whether sources are balanced too, one by one.
+        single: whether sources are balanced too.
         """
         everything = np.ones_like(self._weights)
         lit = self._clear(everything) > SEEN
