@@ -64,8 +64,12 @@ pub fn contacts(triangles: &[[Vector; 3]]) -> Contacts {
         if met.len() > MANY * MOST_LINES {
             return Some(Cuts::default());
         }
-        let mut lines = merged(met.iter().filter(|(_, cuts)| *cuts).map(|(line, _)| *line).collect(), slack);
-        lines.sort_by_cached_key(|&line| plane.place(line));
+        let in_order = |mut lines: Vec<[Point; 2]>| {
+            lines.sort_by_cached_key(|&line| plane.place(line));
+            lines
+        };
+        let lines = in_order(met.iter().filter(|(_, cuts)| *cuts).map(|(line, _)| *line).collect());
+        let lines = in_order(merged(lines, slack));
         (!met.is_empty())
             .then(|| if lines.len() > MOST_LINES { Cuts::default() } else { Cuts::along(&lines, plane.corners, slack) })
     };
@@ -134,10 +138,11 @@ impl Plane {
 
     /// What lines are cut along in the order of, the longest first: it depends neither on the order of the triangles nor on
     /// their place.
-    fn place(&self, [p, q]: [Point; 2]) -> [i64; 3] {
+    fn place(&self, [p, q]: [Point; 2]) -> [i64; 4] {
         let steps = |length: f64| (length / self.longest() / PLACE).round() as i64;
         let middle = between(p, q, 0.5);
-        [-steps(distance(p, q)), steps(distance(middle, self.corners[0])), steps(distance(middle, self.corners[1]))]
+        let [a, b, c] = self.corners.map(|corner| steps(distance(middle, corner)));
+        [-steps(distance(p, q)), a, b, c]
     }
 
     /// Where another triangle meets this one, and whether it is to be cut there: the line where it stands on it or goes
@@ -255,6 +260,15 @@ mod tests {
             assert!(part.iter().all(|p| p[0] <= 1.0 + 1e-9) || part.iter().all(|p| p[0] >= 1.0 - 1e-9), "{part:?}");
         }
         assert_eq!(contacts.edges[1], -1, "the floor meets the wall at its rim only");
+    }
+
+    #[test]
+    fn walls_close_to_each_other_cut_a_floor_alike_in_any_order() {
+        let wall = |y: f64| [[1., y, 0.], [3., y, 0.], [2., y, 3.]];
+        let cut = |walls: [f64; 2]| leaves(&contacts(&[FLOOR, wall(walls[0]), wall(walls[1])]), 0, FLOOR);
+        let parts = cut([1e-4, 3e-4]);
+        assert!(parts.len() > 3);
+        assert_eq!(parts, cut([3e-4, 1e-4]));
     }
 
     #[test]

@@ -40,10 +40,9 @@ pub(crate) fn clipped(line: [Point; 2], corners: &[Point; 3], depth: f64) -> Opt
     (start < end).then(|| [between(line[0], line[1], start), between(line[0], line[1], end)])
 }
 
-/// Lines with those that continue each other as one: the rim of a fine mesh is many.
+/// Lines, the longest first, with those that continue each other as one: the rim of a fine mesh is many.
 pub(crate) fn merged(mut lines: Vec<[Point; 2]>, slack: f64) -> Vec<[Point; 2]> {
     let mut found: Vec<[Point; 2]> = Vec::new();
-    lines.sort_by(|a, b| distance(b[0], b[1]).total_cmp(&distance(a[0], a[1])));
     while let Some(mut line) = lines.pop() {
         let next =
             |line, lines: &[_]| lines.iter().enumerate().find_map(|(k, &other)| Some((k, joined(line, other, slack)?)));
