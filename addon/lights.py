@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 # What Cycles makes of the narrowest spread, in radians.
 _LEAST_SPREAD = math.radians(1.0)
+# Cosine between axes that counts as 0.
+_SQUARE = 1e-3
 # Bounces from which on a limit makes no difference that is worth a word.
 _MANY_BOUNCES = 8
 
@@ -46,6 +48,8 @@ def read_light(obj: bpy.types.Object, matrix: np.ndarray) -> tuple[fmm_core.Ligh
     if bounces < _MANY_BOUNCES:
         remarks.append(f"has a limit of {bounces} bounces, which is not simulated")
     remarks += ray_flags.linking_remarks(obj)
+    if lamp.type == "AREA" and _is_sheared(matrix):
+        remarks.append("is sheared: it shines at right angles to its shape, other than in Cycles")
     try:
         return _READERS[lamp.type](lamp, matrix, power), remarks
     except fmm_core.Error as error:
@@ -53,12 +57,20 @@ def read_light(obj: bpy.types.Object, matrix: np.ndarray) -> tuple[fmm_core.Ligh
 
 
 def _extent(lamp: bpy.types.Light, matrix: np.ndarray) -> float:
-    """0 where an area lamp has no area, or where one that looks somewhere has lost its direction."""
+    """0 where an area lamp has no area, a cone is flat, or a lamp that looks somewhere has lost its direction."""
     if lamp.type == "POINT":
         return 1.0
+    if lamp.type == "SPOT":
+        return float(np.linalg.matrix_rank(matrix[:3, :3]) == 3)
     if lamp.type == "AREA":
         return float(np.linalg.norm(np.cross(matrix[:3, 0], matrix[:3, 1])) * lamp.size * _height(lamp))
     return float(np.linalg.norm(matrix[:3, 2]))
+
+
+def _is_sheared(matrix: np.ndarray) -> bool:
+    """Whether the axes of a matrix do not stand at right angles, as those of what a stretched parent turns."""
+    axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
+    return bool(np.abs(axes.T @ axes - np.eye(3)).max() > _SQUARE)
 
 
 def _height(lamp: bpy.types.AreaLight) -> float:
@@ -128,6 +140,7 @@ def _spot(lamp: bpy.types.SpotLight, matrix: np.ndarray, power: np.ndarray) -> f
         direction=-matrix[:3, 2],
         angle=min(lamp.spot_size, math.pi),
         blend=lamp.spot_blend,
+        stretch=matrix[:3, :3],
     )
 
 

@@ -40,6 +40,7 @@ GERMAN = {
     "is linked to light collection '{}', which is not simulated: it lights everything": "ist mit der Sammlung '{}' verknüpft, was nicht simuliert wird: Es beleuchtet alles",
     "is lost, {}": "fehlt: {}",
     "iteration stopped after {} steps with {} % of the light still to come": "die Iteration endete nach {} Schritten, als noch {} % des Lichts fehlten",
+    "is sheared: it shines at right angles to its shape, other than in Cycles": "ist geschert: Es leuchtet im rechten Winkel zu seiner Form, anders als in Cycles",
     "its back differs from its front, which is used on both sides": "seine Rückseite ist anders als seine Vorderseite, die auf beiden Seiten gilt",
     "its Light Path node is taken as a camera sees it": "sein Knoten Lichtpfad gilt so, wie ihn eine Kamera sieht",
     "its node '{}' is not simulated, its power and colour are used": "sein Knoten '{}' wird nicht simuliert, seine Leistung und Farbe gelten",

@@ -16,6 +16,7 @@ BLOCK = np.concatenate([FLOOR, block([-0.2, -0.2, 0.2], [0.2, 0.2, 0.6])])
 DOWN, UP = (0.0, 0.0, -1.0), [0.0, 0.0, 1.0]
 FEW = fmm_core.Settings(particles=200, probes=0)
 AT = np.array([[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.9, -0.3, 0.0], [-0.7, 0.1, 0.0]])
+STRETCH = np.array([[2.0, 0.3, 0], [0, 0.8, 0], [0, 0.1, 0.7]])
 #: One of each kind, above the floor.
 LAMPS = [
     PointLight((0.1, 0, 2), 3.0),
@@ -28,6 +29,7 @@ LAMPS = [
     AreaLight((0.1, 0, 2), (0.4, 0, 0), (0, -0.3, 0), 2.0, ellipse=True),
     AreaLight((0.1, 0, 2), (0.4, 0, 0), (0, -0.3, 0), 2.0, spread=0.8),
     AreaLight((0.1, 0, 2), (0.4, 0, 0), (0, -0.3, 0), 2.0, ellipse=True, spread=0.8),
+    SpotLight((0.1, 0, 2), 3.0, radius=0.1, direction=(0.1, 0, -1), angle=0.8, blend=0.5, stretch=STRETCH),
 ]
 
 
@@ -70,7 +72,10 @@ def brute(lamp, point, count=400_000):
     kept = np.ones(count)
     if isinstance(lamp, SpotLight):
         edge = np.cos(lamp.angle / 2)
-        t = np.clip((-(to @ lamp.direction) / distance - edge) / ((1 - edge) * lamp.blend), 0, 1)
+        # Where the cone is round, with its axis.
+        axis, ray = np.linalg.solve(lamp.stretch, lamp.direction), np.linalg.solve(lamp.stretch, -to.T).T
+        cosine = ray @ axis / np.linalg.norm(ray, axis=1) / np.linalg.norm(axis)
+        t = np.clip((cosine - edge) / ((1 - edge) * lamp.blend), 0, 1)
         kept = t * t * (3 - 2 * t)
     radiance = lamp.intensity[0] / (np.pi * lamp.radius**2)
     return radiance * 4 * np.pi * lamp.radius**2 * (kept * facing * to[:, 2] / distance**3).mean()
@@ -344,6 +349,7 @@ def test_measured_error_counts_lamps():
         (lambda: SunLight((0, 0, 0), 1.0), "SunLight.direction is 0, which is no direction"),
         (lambda: SunLight(DOWN, (1, 2, np.inf)), "SunLight.irradiance is .*inf.*, which is not finite"),
         (lambda: SpotLight((0, 0, 0), 1.0, angle=4.0), "SpotLight.angle: expected a number from 0 to 3.14159, got 4"),
+        (lambda: SpotLight((0, 0, 0), 1.0, stretch=np.diag([1, 0, 1])), "SpotLight.stretch is .*, which is flat"),
         (lambda: AreaLight((0, 0, 0), (1, 0, 0), (2, 0, 0), 1.0), "AreaLight: u .* and v .* span no area"),
         (lambda: AreaLight((0, 0, 0), (1, 0, 0), (0, 1, 0), "x"), "AreaLight.radiance: expected numbers"),
         (lambda: Sky(np.zeros((4, 8))), r"sky: expected a number, three or an image \(H, W, 3\), got shape \(4, 8\)"),

@@ -13,6 +13,7 @@ from .errors import Error
 
 Points = NDArray[np.float64]
 Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,16 @@ def _direction(name: str, value: Any) -> Vector:
     return tuple((found / np.linalg.norm(found)).tolist())
 
 
+def _matrix(name: str, value: Any) -> Matrix:
+    found = numbers(name, value)
+    if found.shape != (3, 3):
+        raise Error(f"{name}: expected shape (3, 3), got {found.shape}")
+    rows = tuple(_vector(name, row) for row in found)
+    if np.linalg.matrix_rank(found) < 3:
+        raise Error(f"{name} is {found.tolist()}, which is flat")
+    return rows
+
+
 def _colour(name: str, value: Any) -> Vector:
     found = numbers(name, value)
     found = _vector(name, np.broadcast_to(found, 3) if found.shape == () else found)
@@ -130,6 +141,7 @@ _CHECKS = {
     "vector": _vector,
     "direction": _direction,
     "colour": _colour,
+    "matrix": _matrix,
     "length": lambda name, value: _number(name, value, 0.0, LARGEST),
     "whole angle": lambda name, value: _number(name, value, 0.0, math.pi),
     "half angle": lambda name, value: _number(name, value, 1e-3, math.pi),

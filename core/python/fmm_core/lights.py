@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from . import patterns
 from .errors import Error
-from .lamp import Lamp, Samples, Vector
+from .lamp import Lamp, Matrix, Samples, Vector
 from .solid_angles import cap, polygon
 
 Points = NDArray[np.float64]
@@ -104,15 +104,17 @@ class SpotLight(PointLight):
     angle       rad, of the whole cone
     blend       share of the cone, 0 to 1, over which its rim fades, by the cosine of the angle
     intensity   W/sr, inside of the part that does not fade
+    stretch     (3, 3) what carries a round cone, its axis with it, into this one, whose axis is then `direction`
     """
 
     direction: Vector = (0.0, 0.0, -1.0)
     angle: float = math.pi / 4
     blend: float = 0.15
+    stretch: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._check(direction="direction", angle="whole angle", blend="share")
+        self._check(direction="direction", angle="whole angle", blend="share", stretch="matrix")
 
     @property
     def without_cone(self) -> PointLight:
@@ -121,15 +123,29 @@ class SpotLight(PointLight):
     def unshadowed(self, points: Points, normals: Points) -> Points:
         """As that of a `PointLight`, where any of it may be in the cone, which `samples` tells."""
         axes, distances = self._towards(points)
-        outside = np.arccos(np.clip(-axes @ np.asarray(self.direction), -1, 1)) - self.angle / 2
-        inside = outside <= (0.0 if self.is_small else np.arcsin(np.sqrt(self._sine_squared(distances))))
+        inside = self._cosines(axes) >= math.cos(self.angle / 2)
+        if not self.is_small:
+            # The round cone's space shows the lamp inside a ball that is at most so large.
+            reach = np.sqrt(self._sine_squared(distances)) * np.linalg.norm(self._back, 2)
+            reach /= np.linalg.norm(axes @ self._back.T, axis=1)
+            inside = np.arccos(self._cosines(axes)) - self.angle / 2 <= np.arcsin(np.minimum(reach, 1.0))
         return np.where(inside, super().unshadowed(points, normals), 0.0)
 
     def _cone(self, directions: Points) -> Points:
         edge = math.cos(self.angle / 2)
-        within = -directions @ np.asarray(self.direction) - edge
-        fade = np.clip(within / max(1e-12, (1 - edge) * self.blend), 0.0, 1.0)
+        fade = np.clip((self._cosines(directions) - edge) / max(1e-12, (1 - edge) * self.blend), 0.0, 1.0)
         return fade**2 * (3 - 2 * fade)
+
+    @property
+    def _back(self) -> Points:
+        """What carries directions to where the cone is round."""
+        return np.linalg.inv(self.stretch)
+
+    def _cosines(self, directions: Points) -> Points:
+        """Of the angles, where the cone is round, between its axis and what goes against these directions (..., 3)."""
+        axis, against = self._back @ np.asarray(self.direction), -directions @ self._back.T
+        lengths = np.linalg.norm(axis) * np.linalg.norm(against, axis=-1)
+        return np.clip(against @ axis / lengths, -1.0, 1.0)
 
 
 @dataclass(frozen=True)

@@ -64,12 +64,34 @@ def test_instanced_lamps_shine_where_they_are_shown(build, read):
     assert [light.position for light in read().lights] == [(1.5, 0.5, 2.0), (3.5, 0.5, 2.0)]
 
 
+def test_the_scale_of_a_spot_stretches_its_cone(build, read):
+    build.quad("Floor")
+    lamp("SPOT").scale = (2, 1, 0.5)
+    (spot,) = read().lights
+    assert spot.stretch == ((2, 0, 0), (0, 1, 0), (0, 0, 0.5))
+
+
+@pytest.mark.parametrize(("kind", "told"), [("AREA", 1), ("SPOT", 0), ("SUN", 0)])
+def test_a_sheared_area_lamp_is_named(build, read, kind, told):
+    build.quad("Floor")
+    parent = bpy.data.objects.new("Parent", None)
+    bpy.context.scene.collection.objects.link(parent)
+    parent.scale.z = 2
+    obj = lamp(kind)
+    obj.rotation_euler.x, obj.scale = 0.5, (1, 2, 1)
+    assert read().warnings == ()
+    obj.parent = parent
+    bpy.context.view_layer.update()
+    found = "light 'Lamp' is sheared: it shines at right angles to its shape, other than in Cycles"
+    assert read().warnings == (found,) * told
+
+
 @pytest.mark.parametrize("kind", ["AREA", "SUN", "SPOT"])
 def test_lamps_without_size_or_direction_are_left_out(build, read, kind):
     build.room()
     data = bpy.data.lights.new("flat", kind)
     lamp = bpy.data.objects.new("flat", data)
-    lamp.scale = (0, 0, 0)
+    lamp.scale = (0, 0, 0) if kind == "SUN" else (0, 1, 1)
     bpy.context.scene.collection.objects.link(lamp)
     bpy.context.view_layer.update()
     arrays = read()
