@@ -23,7 +23,7 @@ from .sampling import Painted, Painter, Slots, paint
 from .scene_arrays import Dark, Receiver, SceneArrays
 from .shapes import Shape, two_sided
 from .tables import Tables
-from .view_layers import renderable, unhidden
+from .view_layers import hidden, renderable, unhidden
 from .volumes import read_volume, volume_of
 from .world import read_world
 
@@ -350,9 +350,9 @@ class Reading:
             elif len(users) > 1:
                 self.remark(f"mesh '{mesh}' appears {len(users)} times in '{names[0]}': its colours are those of the "
                             "first")  # fmt: skip
-        for obj in self.depsgraph.view_layer.objects:
-            if obj.type == "MESH" and obj.name in self.renderable and not obj.hide_render and not obj.visible_get():
-                self.remark(f"object '{obj.name}' is hidden in the viewport: left out")
+        for obj in hidden(self.depsgraph.view_layer, self.renderable):
+            left_out = "is hidden in the viewport: left out"
+            self.remark(f"light '{obj.name}' {left_out}" if obj.type == "LIGHT" else f"object '{obj.name}' {left_out}")
 
 
 def _opacity(values: np.ndarray, cells: list[np.ndarray | None]) -> Opacity:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -45,3 +45,10 @@ def renderable(layer: bpy.types.LayerCollection) -> Iterator[str]:
     yield from (obj.name for obj in layer.collection.objects)
     for child in layer.children:
         yield from renderable(child)
+
+
+def hidden(layer: bpy.types.ViewLayer, shown: Set[str]) -> Iterator[bpy.types.Object]:
+    """The meshes and lamps that renders have, which show objects of these names, and the viewport hides."""
+    for obj in layer.objects:
+        if obj.type in ("MESH", "LIGHT") and obj.name in shown and not obj.hide_render and not obj.visible_get():
+            yield obj

@@ -112,6 +112,31 @@ def test_lamps_that_light_nothing_are_left_out(build, read):
     assert arrays.warnings == ("light 'minus' has negative power, which is not simulated: left out",)
 
 
+@pytest.mark.parametrize("how", ["eye", "switch", "eye of the collection", "switch of the collection"])
+def test_lamps_that_only_the_viewport_hides_are_named(build, read, how):
+    build.quad("Floor", build.light())
+    group = bpy.data.collections.new("Group")
+    bpy.context.scene.collection.children.link(group)
+    for name in ("shown", "not rendered"):
+        obj = lamp(name=name)
+        bpy.context.scene.collection.objects.unlink(obj)
+        group.objects.link(obj)
+    bpy.data.objects["not rendered"].hide_render = True
+    bpy.context.view_layer.update()
+    assert len(read().lights) == 1
+    if how == "eye":
+        bpy.data.objects["shown"].hide_set(True)
+    elif how == "switch":
+        bpy.data.objects["shown"].hide_viewport = True
+    elif how == "eye of the collection":
+        bpy.context.view_layer.layer_collection.children["Group"].hide_viewport = True
+    else:
+        group.hide_viewport = True
+    arrays = read()
+    assert arrays.lights == ()
+    assert arrays.warnings == ("light 'shown' is hidden in the viewport: left out",)
+
+
 def test_nodes_of_a_lamp_multiply_its_power_or_are_named(build, read):
     build.quad("Floor")
     obj = lamp(energy=4 * math.pi)
