@@ -111,6 +111,14 @@ def wall():
     mesh("Wall", corners, [(3, 2, 1, 0)], "ShaderNodeBsdfDiffuse", (0.9, 0.9, 0.9, 1.0))
 
 
+def box(low, high, shader="ShaderNodeBsdfDiffuse", strength=None, inwards=True):
+    """A closed box whose faces look inwards or outwards."""
+    corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [face[::-1] if inwards else face for face in faces]
+    mesh("Box", corners, faces, shader, (0.9, 0.9, 0.9, 1.0), strength)
+
+
 def hide(obj, *rays):
     """Hide an object from rays."""
     for name in rays:
@@ -136,6 +144,9 @@ LIGHTS = {
     "shade": lambda: (lamp("SUN", energy=3, angle=0.15), wall(), hide(bpy.data.objects["Blocker"], "diffuse")),
     "hidden emitter": lambda: (lamp("AREA", energy=60, size=0.5), hide(emitter(), "diffuse")),
     "hidden blocker": lambda: (emitter(), hide(bpy.data.objects["Blocker"], "diffuse", "shadow")),
+    "box inside out": lambda: (lamp("SUN", energy=3, angle=0.15), box((0.9, -1.4, 0.3), (1.4, 1.4, 2.0))),
+    "glow inside out": lambda: box((-0.9, -0.4, 0.3), (-0.8, 0.5, 1.0), "ShaderNodeEmission", 5.0),
+    "room of a cube": lambda: (lamp("AREA", energy=60, size=0.5), box((-2, -2, -0.5), (2, 2, 2.5), inwards=False)),
     "even sky": lambda: world(strength=2.0),
     "sky texture": lambda: world("ShaderNodeTexSky", 0.2, sky_type="NISHITA", sun_elevation=0.9, sun_rotation=0.5),
     "image": lambda: world("ShaderNodeTexEnvironment", image=image()),

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 
 type ContactArrays<'py> =
     (Bound<'py, PyArray1<i8>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<bool>>);
+type BoxArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 type PlaneArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
 
 /// Whether all triangles (T, 3, 3) are inside a mesh without openings.
@@ -22,6 +23,22 @@ pub fn is_sealed(py: Python, scene: PyReadonlyArray3<f64>) -> PyResult<bool> {
 pub fn volume(py: Python, scene: PyReadonlyArray3<f64>) -> PyResult<f64> {
     let triangles = triangles(&scene)?;
     Ok(py.detach(|| ::fmm::meshes::volume(triangles.iter())))
+}
+
+/// The least and the greatest coordinates (P, 3) of closed meshes of triangles (T, 3, 3) that face inwards and are in none that
+/// faces outwards, by the numbers of their corners (T, 3).
+#[pyfunction]
+pub fn inward<'py>(
+    py: Python<'py>,
+    corners: PyReadonlyArray2<u32>,
+    scene: PyReadonlyArray3<f64>,
+) -> PyResult<BoxArrays<'py>> {
+    let (corners, triangles) = (triples(&corners, "corners")?, triangles(&scene)?);
+    if corners.len() != triangles.len() {
+        return Err(value_error("corners and triangles differ in number"));
+    }
+    let (least, most) = py.detach(|| ::fmm::meshes::inward(corners, triangles)).into_iter().unzip();
+    Ok((table(py, least)?, table(py, most)?))
 }
 
 /// Each different plane of triangles (T, 3, 3) in a scene of this size, as normal and minus its offset (P, 4), and whether

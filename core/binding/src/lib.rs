@@ -26,6 +26,7 @@ fn _binding(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(geometry::contacts, module)?)?;
     module.add_function(wrap_pyfunction!(fmm::limit_threads, module)?)?;
     module.add_function(wrap_pyfunction!(geometry::is_sealed, module)?)?;
+    module.add_function(wrap_pyfunction!(geometry::inward, module)?)?;
     module.add_function(wrap_pyfunction!(geometry::planes, module)?)?;
     module.add_function(wrap_pyfunction!(geometry::volume, module)?)?;
     module.add_function(wrap_pyfunction!(direct::facing_rays, module)?)?;

@@ -16,6 +16,8 @@ type Place = [u64; 3];
 const ROUNDING: f64 = 1e-6;
 /// Corners that differ by less are the same at a rim.
 const SAME_CORNER: f64 = 1e-9;
+/// Meshes that hold less than this share of a cube around them have no inside.
+const FLAT: f64 = 1e-6;
 
 /// The mesh that each triangle belongs to, by its first triangle, from the numbers of their corners: those of one mesh are joined
 /// by corners at exactly the same places.
@@ -107,16 +109,38 @@ pub fn is_sealed(triangles: &[[Vector; 3]]) -> bool {
     let all = bounds(triangles.iter());
     let slack = ROUNDING * sub(all.1, all.0).into_iter().fold(0.0, f64::max);
     let corners = corners(triangles);
-    let mut parts: FxHashMap<u32, Vec<usize>> = FxHashMap::default();
-    for (mesh, i) in meshes(&corners).into_iter().zip(0..) {
-        parts.entry(mesh).or_default().push(i);
-    }
-    parts.values().any(|mesh| {
+    parts(&corners).values().any(|mesh| {
         let part = || mesh.iter().map(|&i| &triangles[i]);
         let (least, most) = bounds(part());
         let holds_all = (0..3).all(|i| least[i] <= all.0[i] + slack && most[i] >= all.1[i] - slack);
         holds_all && is_closed(mesh.iter().map(|&i| corners[i])) && volume(part()) < 0.0
     })
+}
+
+/// The boxes around closed meshes that face inwards, but for those within the box of one that faces outwards, as in a wall
+/// with two sides; from the numbers of their corners.
+pub fn inward(corners: &[[u32; 3]], triangles: &[[Vector; 3]]) -> Vec<(Vector, Vector)> {
+    let (mut inward, mut outward) = (Vec::new(), Vec::new());
+    for mesh in parts(corners).values() {
+        let part = || mesh.iter().map(|&i| &triangles[i]);
+        let (least, most) = bounds(part());
+        let cube = sub(most, least).into_iter().fold(0.0, f64::max).powi(3);
+        if volume(part()) < -FLAT * cube { &mut inward } else { &mut outward }.push((least, most));
+    }
+    let within = |(least, most): (Vector, Vector), (low, high): (Vector, Vector)| {
+        (0..3).all(|i| low[i] <= least[i] && high[i] >= most[i])
+    };
+    inward.retain(|&own| !outward.iter().any(|&other| within(own, other)));
+    inward
+}
+
+/// The triangles of each mesh, from the numbers of their corners.
+fn parts(corners: &[[u32; 3]]) -> FxHashMap<u32, Vec<usize>> {
+    let mut parts: FxHashMap<u32, Vec<usize>> = FxHashMap::default();
+    for (mesh, i) in meshes(corners).into_iter().zip(0..) {
+        parts.entry(mesh).or_default().push(i);
+    }
+    parts
 }
 
 fn bounds<'a>(triangles: impl Iterator<Item = &'a [Vector; 3]>) -> (Vector, Vector) {
@@ -168,5 +192,22 @@ mod tests {
         assert!(!is_sealed(&outside));
         let body: Vec<_> = room().into_iter().map(|[a, b, c]| [a, c, b]).collect();
         assert!(!is_sealed(&body));
+    }
+
+    #[test]
+    fn rooms_face_inwards_but_for_those_in_a_thick_wall() {
+        let at = |from: &[[Vector; 3]], x: f64, size: f64| -> Vec<_> {
+            from.iter().map(|t| t.map(|[a, b, c]| [x + size * a, size * b, size * c])).collect()
+        };
+        let body: Vec<_> = room().into_iter().map(|[a, b, c]| [a, c, b]).collect();
+        let inward = |parts: &[Vec<[Vector; 3]>]| {
+            let triangles = parts.concat();
+            inward(&corners(&triangles), &triangles)
+        };
+        assert_eq!(inward(&[at(&body, 0.0, 1.0), at(&room(), 2.0, 0.5)]), [([2.0, 0.0, 0.0], [2.5, 0.5, 0.5])]);
+        assert!(inward(&[at(&body, -0.1, 2.0), at(&room(), 0.0, 1.0)]).is_empty());
+        let sheet: Vec<_> =
+            [room(), body].concat().into_iter().filter(|t| t.iter().all(|corner| corner[2] == 0.0)).collect();
+        assert!(inward(&[sheet]).is_empty());
     }
 }

@@ -2,6 +2,7 @@
 """Diffuse global illumination (radiosity) by a fast multipole method, without any Blender in it."""
 
 from .brdf import Brdf
+from .closed import inward, signed_volume
 from .effects import plan
 from .errors import Cancelled, Error
 from .evaluation import OutputPoints, output_points
@@ -10,7 +11,7 @@ from .gloss import Gloss
 from .harmonics import irradiance_of, matched
 from .kept import KeptVisibility
 from .lights import AreaLight, Light, PointLight, SpotLight, SunLight
-from .medium import Volume, signed_volume
+from .medium import Volume
 from .opacity import Opacity
 from .scene import MAX_ALBEDO, Scene
 from .settings import EFFECTS, Settings
@@ -42,6 +43,7 @@ __all__ = [
     "SunLight",
     "VertexFit",
     "Volume",
+    "inward",
     "irradiance_of",
     "limit_threads",
     "matched",

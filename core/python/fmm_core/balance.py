@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import bounds
-from .medium import signed_volume
+from .closed import signed_volume
 from .particles import Particles
 from .visibility import Occlusion
 

@@ -139,7 +139,9 @@ def _transparency(scene: Scene) -> Effect:
 
 def _two_sided(scene: Scene) -> Effect:
     count = np.count_nonzero(scene.two_sided)
-    return Effect(True, f"{count} triangles of open meshes") if count else Effect(False, "no mesh is open")
+    if not count:
+        return Effect(False, "no triangle is seen from both sides")
+    return Effect(True, f"{count} triangles are seen from both sides")
 
 
 def _glossy(scene: Scene) -> Effect:

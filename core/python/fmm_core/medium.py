@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _binding
 from .arrays import LARGEST, numbers
+from .closed import signed_volume
 from .errors import Error
 
 
@@ -44,11 +45,6 @@ class Volume:
     def same(self, other: "Volume") -> bool:
         """Whether another one is the same."""
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in ("triangles", "absorption"))
-
-
-def signed_volume(triangles: NDArray[np.float64]) -> float:
-    """What is inside a closed mesh (T, 3, 3), m^3; below 0 where its triangles face inwards."""
-    return _binding.volume(np.ascontiguousarray(triangles, np.float64))
 
 
 def absorption(name: str, values: ArrayLike) -> NDArray[np.float64]:

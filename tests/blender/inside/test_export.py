@@ -122,6 +122,31 @@ def test_closed_rooms_are_two_sided(build, read, inward):
     assert read().two_sided.tolist() == [True] * 2 + [True] * 12 + [False] * 12
 
 
+@pytest.mark.parametrize("inward", [False, True])
+def test_what_is_inside_out_shows_its_backs_to_what_is_outside(build, read, inward):
+    build.quad("Lamp", build.light(), z=2)
+    build.cube("Box", inward=inward)
+    assert read().two_sided.tolist() == [True] * 2 + [inward] * 12
+
+
+def test_a_room_that_holds_all_there_is_shows_no_backs(build, read):
+    build.cube("Room", build.light(), size=4, inward=True)
+    assert not read().two_sided.any()
+
+
+def test_a_part_of_a_mesh_may_be_inside_out(build, read):
+    build.quad("Lamp", build.light(), z=2)
+    parts = [build.cube("Box"), build.cube("Flipped", size=0.5, inward=True)]
+    parts[1].location.x = 2
+    with bpy.context.temp_override(active_object=parts[0], selected_editable_objects=parts):
+        bpy.ops.object.join()
+    assert read().two_sided.tolist() == [True] * 26
+    # One within the other is the inner side of a wall.
+    for vertex in parts[0].data.vertices[8:]:
+        vertex.co.x -= 2
+    assert read().two_sided.tolist() == [True] * 2 + [False] * 24
+
+
 def test_neighbours_in_contact_are_one_sided(build, read):
     build.quad("Lamp", build.light(), z=-0.5)
     build.cube("Left").location = (0.5, 0.5, 0)
