@@ -59,6 +59,8 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         if wrong:
             raise UsageError(f"--cycles: expected numbers of samples from 1 to {_MOST_SAMPLES}, got {wrong[0]}")
         return options
+    for name in set(options.forced) & set(options.without):
+        raise UsageError(f"--with and --without: '{name}' is in both")
     if options.frames is not None and (options.preview is not None or options.keep_visibility):
         raise UsageError("--frames: --preview and --keep-visibility are of one frame")
     suffixes = dict(_SUFFIXES)

@@ -20,6 +20,7 @@ GERMAN = {
     "attribute '{}' is not there: 0 is used": "Attribut '{}' fehlt: 0 gilt stattdessen",
     "Blender could not add a colour attribute to mesh '{}'": "Blender konnte Mesh '{}' kein Farbattribut hinzufügen",
     "burns": "brennt",
+    "cannot be switched on: {}": "lässt sich nicht einschalten: {}",
     "comes from '{}', which is not read": "kommt aus '{}', was nicht gelesen wird",
     "everything is inside a mesh without openings": "alles liegt in einem Mesh ohne Öffnungen",
     "frame {}: {}": "Bild {}: {}",

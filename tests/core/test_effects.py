@@ -148,6 +148,9 @@ def test_what_a_scene_does_not_have_cannot_be_forced_on():
     effects = plan(SCENES["grey furnace"][0], fmm_core.Settings(effects={"sky": True, "lamps": True}))
     assert not effects["sky"].used
     assert not effects["lamps"].used
+    assert effects["sky"].why == "cannot be switched on: no light comes from the sky"
+    same = plan(SCENES["grey furnace"][0], fmm_core.Settings(effects={"sky": False}))
+    assert same["sky"].why == "no light comes from the sky"
 
 
 def test_effects_that_there_are_not_are_refused():

@@ -74,8 +74,10 @@ def _within(scene: Scene, medium: bool) -> Scene:
 
 
 def _forced(effect: Effect, wanted: bool | None) -> Effect:
-    if wanted is None or effect.used == wanted or effect.why.startswith("no "):
+    if wanted is None or effect.used == wanted:
         return effect
+    if effect.why.startswith("no "):
+        return Effect(False, f"cannot be switched on: {effect.why}")
     return Effect(wanted, f"switched {'on' if wanted else 'off'} ({effect.why})")
 
 

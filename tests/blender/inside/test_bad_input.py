@@ -269,6 +269,7 @@ def test_no_memory_is_one_line(command, room, tmp_path, fmm, monkeypatch, step):
         (["bake", "-o", "x.blend", "--particles", "-5"], "particles"),
         (["bake", "-o", "x.blend", "--target-error", "nan"], "target_error"),
         (["bake", "-o", "x.blend", "--method", "guess"], "guess"),
+        (["bake", "-o", "x.blend", "--with", "sky", "--without", "glossy", "--with", "glossy"], "'glossy' is in both"),
         (["bake", "-o", "x.txt"], "x.txt"),
         (["bake", "-o", "x.blend", "--report", "x.blend"], "--report"),
         (["bake", "-o", "x.blend", "--report", "x.txt"], "--report: 'x.txt' must end in .json"),
