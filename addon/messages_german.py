@@ -44,7 +44,7 @@ GERMAN = {
     "iteration stopped after {} steps with {} % of the light still to come": "die Iteration endete nach {} Schritten, als noch {} % des Lichts fehlten",
     "is sheared: it shines at right angles to its shape, other than in Cycles": "ist geschert: Es leuchtet im rechten Winkel zu seiner Form, anders als in Cycles",
     "its back differs from its front, which is used on both sides": "seine Rückseite ist anders als seine Vorderseite, die auf beiden Seiten gilt",
-    "its Light Path node is taken as a camera sees it": "sein Knoten Lichtpfad gilt so, wie ihn eine Kamera sieht",
+    "its Light Path node counts bounces: the first one is taken for all": "ihr Knoten Lichtpfad zählt Reflexionen: Die erste gilt für alle",
     "its node '{}' is not simulated, its power and colour are used": "sein Knoten '{}' wird nicht simuliert, seine Leistung und Farbe gelten",
     "its nodes are evaluated by Cycles, which is switched off: left out": "seine Knoten wertet Cycles aus, das ausgeschaltet ist: weggelassen",
     "its volume '{}' is not simulated: left out": "sein Volumen '{}' wird nicht simuliert: weggelassen",

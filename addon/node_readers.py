@@ -24,6 +24,8 @@ Array = np.ndarray
 
 #: Curves and colour ramps are read at so many places, as in Cycles.
 STEPS = 256
+#: What the node Light Path says of all that looks at a surface or a world here, diffuse light; of the rest it says no.
+DIFFUSE_RAY = ("Is Diffuse Ray", "Is Reflection Ray")
 
 
 def plain(socket: bpy.types.NodeSocket) -> Array:
@@ -133,10 +135,7 @@ def _object_info(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSoc
 
 
 def _light_path(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array | None:
-    # All that looks at a surface here is diffuse light.
-    if not socket.name.startswith("Is "):
-        return None
-    return np.array([float(socket.name in ("Is Diffuse Ray", "Is Reflection Ray"))])
+    return np.array([float(socket.name in DIFFUSE_RAY)]) if socket.name.startswith("Is ") else None
 
 
 def _mapping(values: Values, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> Array | None:

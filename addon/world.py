@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import fmm_core
 import numpy as np
 
+from .node_readers import DIFFUSE_RAY
 from .node_values import output_of
 from .volumes import without_nodes
 
@@ -23,7 +25,9 @@ _SAMPLES = 4
 _BRIGHT, _AROUND = 0.02, 3
 _BRIGHT_SAMPLES = 500_000
 _MOST_SAMPLES = 4096
-_OUTPUT = "ShaderNodeOutputWorld"
+_OUTPUT, _PATH = "ShaderNodeOutputWorld", "ShaderNodeLightPath"
+# What the node Light Path counts: 1 for light that goes straight to a surface.
+_BOUNCES = ("Ray Depth", "Diffuse Depth")
 
 
 def read_world(scene: bpy.types.Scene) -> tuple[fmm_core.Sky | None, list[str]]:
@@ -67,22 +71,46 @@ def _constant(world: bpy.types.World) -> np.ndarray | None:
 
 
 def _remarks(world: bpy.types.World) -> list[str]:
-    if any(node.bl_idname == "ShaderNodeLightPath" for node in world.node_tree.nodes):
-        return ["its Light Path node is taken as a camera sees it"]
+    paths = [node for tree in _trees(world.node_tree) for node in tree.nodes if node.bl_idname == _PATH]
+    if any(output.is_linked for node in paths for output in node.outputs if output.name in _BOUNCES):
+        return ["its Light Path node counts bounces: the first one is taken for all"]
     return []
+
+
+def _trees(tree: bpy.types.NodeTree, copied: bool = False) -> Iterator[bpy.types.NodeTree]:
+    """A tree and those of the groups in it; copied: these are made its own first."""
+    yield tree
+    for node in tree.nodes:
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
+            if copied:
+                node.node_tree = node.node_tree.copy()
+            yield from _trees(node.node_tree, copied)
+
+
+def _show_as_to_surfaces(tree: bpy.types.NodeTree) -> None:
+    """Let a tree tell the rays of a camera what it tells those of diffuse light."""
+    for node in [node for node in tree.nodes if node.bl_idname == _PATH]:
+        for output in node.outputs:
+            for link in list(output.links):
+                value = tree.nodes.new("ShaderNodeValue")
+                value.outputs[0].default_value = float(output.name in (*DIFFUSE_RAY, *_BOUNCES))
+                tree.links.new(value.outputs[0], link.to_socket)
 
 
 def _picture(scene: bpy.types.Scene) -> np.ndarray:
     """Radiance (H,W,3), rows from the top and columns as `fmm_core.Sky` has them."""
     import bpy
 
-    before = set(bpy.data.images)
+    before, groups = set(bpy.data.images), []
     copy = bpy.data.scenes.new("Radiosity world")
     camera = bpy.data.cameras.new("Radiosity world")
     eye = bpy.data.objects.new("Radiosity world", camera)
     try:
         copy.collection.objects.link(eye)
         _set_up(copy, scene, eye)
+        for tree in _trees(copy.world.node_tree, copied=True):
+            groups.append(tree)
+            _show_as_to_surfaces(tree)
         with tempfile.TemporaryDirectory() as folder:
             copy.render.filepath = str(Path(folder, "world.exr"))
             image = _rendered(copy)
@@ -91,6 +119,8 @@ def _picture(scene: bpy.types.Scene) -> np.ndarray:
                 _take_again(copy, image, np.argwhere(brightness > _BRIGHT * brightness.max()))
     finally:
         bpy.data.worlds.remove(copy.world)
+        for group in groups[1:]:
+            bpy.data.node_groups.remove(group)
         bpy.data.objects.remove(eye)
         bpy.data.cameras.remove(camera)
         bpy.data.scenes.remove(copy)

@@ -86,6 +86,18 @@ def world(node=None, strength=1.0, colour=(0.6, 0.8, 1.0, 1.0), **fields):
     bpy.context.scene.world = data
 
 
+def unseen():
+    """An image of a sky that cameras see as another one."""
+    world("ShaderNodeTexEnvironment", image=image())
+    tree = bpy.context.scene.world.node_tree
+    path, mixed, shown = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("LightPath", "MixShader", "Background"))
+    output = tree.get_output_node("CYCLES")
+    tree.links.new(path.outputs["Is Camera Ray"], mixed.inputs[0])
+    tree.links.new(output.inputs["Surface"].links[0].from_socket, mixed.inputs[1])
+    tree.links.new(shown.outputs[0], mixed.inputs[2])
+    tree.links.new(mixed.outputs[0], output.inputs["Surface"])
+
+
 def image():
     """A sky that is blue on one side, with a few bright pixels on the other."""
     pixels = np.zeros((32, 64, 4), np.float32)
@@ -150,6 +162,7 @@ LIGHTS = {
     "even sky": lambda: world(strength=2.0),
     "sky texture": lambda: world("ShaderNodeTexSky", 0.2, sky_type="NISHITA", sun_elevation=0.9, sun_rotation=0.5),
     "image": lambda: world("ShaderNodeTexEnvironment", image=image()),
+    "unseen image": unseen,
 }
 
 

@@ -293,6 +293,37 @@ def test_default_scene_bakes():
     assert 0.41 < colours.max() < 0.6
 
 
+@pytest.mark.parametrize("grouped", [False, True])
+def test_the_world_shines_as_rays_of_diffuse_light_see_it(build, read, grouped):
+    build.quad("Floor")
+    tree, background = world()
+    path, bright = tree.nodes.new("ShaderNodeLightPath"), tree.nodes.new("ShaderNodeBackground")
+    bright.inputs["Strength"].default_value = 9.0
+    seen = path.outputs["Is Camera Ray"]
+    if grouped:
+        inner = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
+        inner.interface.new_socket("Seen", in_out="OUTPUT", socket_type="NodeSocketFloat")
+        result = inner.nodes.new("NodeGroupOutput")
+        inner.links.new(inner.nodes.new("ShaderNodeLightPath").outputs["Is Camera Ray"], result.inputs[0])
+        group = tree.nodes.new("ShaderNodeGroup")
+        group.node_tree = inner
+        seen = group.outputs[0]
+    mixed = tree.nodes.new("ShaderNodeMixShader")
+    tree.links.new(seen, mixed.inputs["Fac"])
+    tree.links.new(background.outputs[0], mixed.inputs[1])
+    tree.links.new(bright.outputs[0], mixed.inputs[2])
+    tree.links.new(mixed.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
+    before = len(tree.nodes), len(bpy.data.node_groups), len(tree.links)
+    arrays = read()
+    assert arrays.sky.radiance.reshape(-1, 3).mean(axis=0) == pytest.approx((0.2, 0.4, 0.6), rel=1e-5)
+    assert (len(tree.nodes), len(bpy.data.node_groups), len(tree.links)) == before
+    assert arrays.warnings == ()
+    tree.links.new(path.outputs["Is Diffuse Ray"], mixed.inputs["Fac"])
+    assert read().sky.radiance.reshape(-1, 3).mean(axis=0) == pytest.approx([9 * 0.8] * 3, rel=1e-5)
+    tree.links.new(path.outputs["Diffuse Depth"], mixed.inputs["Fac"])
+    assert read().warnings == ("world 'Sky': its Light Path node counts bounces: the first one is taken for all",)
+
+
 def test_other_power_and_sky_trace_no_ray(build, fmm):
     build.room()
     obj, (_, background) = lamp(energy=50), world()

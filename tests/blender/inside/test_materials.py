@@ -302,3 +302,18 @@ def test_a_group_that_only_passes_itself_on_is_named(build, read):
     tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
     (text,) = read().warnings
     assert text.startswith("material 'Red' on object 'Floor': Color comes from")
+
+
+@pytest.mark.parametrize(
+    ("output", "said"),
+    [("Is Camera Ray", 0), ("Is Shadow Ray", 0), ("Is Diffuse Ray", 1), ("Is Glossy Ray", 0), ("Is Reflection Ray", 1)],
+)
+def test_light_path_says_what_it_does_to_diffuse_light(build, read, lamp, output, said):
+    material = build.light("Trick")
+    tree = material.node_tree
+    shader = next(node for node in tree.nodes if node.type == "EMISSION")
+    tree.links.new(tree.nodes.new("ShaderNodeLightPath").outputs[output], shader.inputs["Strength"])
+    build.quad("Sheet", material)
+    arrays = read()
+    assert arrays.emission[2:] == pytest.approx(np.full((2, 3), math.pi * said))
+    assert arrays.warnings == ()
