@@ -19,6 +19,7 @@ from .materials import Name, find, name_of
 from .meshes import Layers, Mesh, World, about, is_closed, read_mesh, same_topology, with_area
 from .node_readers import asked
 from .ray_flags import Seen
+from .remarks import listed, of_shine
 from .sampling import Painted, Painter, Slots, paint
 from .scene_arrays import Dark, Receiver, SceneArrays
 from .shapes import Shape, two_sided
@@ -221,7 +222,7 @@ class Reading:
         if flat:
             faces = "1 face" if flat == 1 else f"{flat} faces"
             self.remark(f"object '{name}': {faces} without area left out")
-        names = "triangles", "albedo", "emission", "one_sided"
+        names = "triangles", "albedo", "emission", "one_sided", "shiny"
         self.append(**{name: getattr(painted, name) for name in names})
         for rays, meets in zip(("opacity", "shade"), seen, strict=True):
             self.append(**{rays: painted.opacity * meets})
@@ -315,7 +316,7 @@ class Reading:
         while self.later:
             self.later.pop(0)()
         scene, sky = self.scene, self.sky
-        warnings = tuple(text.replace(_OBJECTS, _list(names)) for text, names in self.remarks.items())
+        warnings = tuple(text.replace(_OBJECTS, listed(names)) for text, names in self.remarks.items())
         because = f" ({'; '.join(warnings)})" if warnings else ""
         if not self.meshes:
             raise Error(f"scene '{scene}' has no mesh that a render would show{because}")
@@ -329,6 +330,8 @@ class Reading:
         if not arrays["emission"].any() and not self.lights and sky is None:
             raise Dark(f"nothing in scene '{scene}' gives off light: add a lamp, give a mesh a material with an "
                        f"Emission shader, or the world a colour{because}", warnings)  # fmt: skip
+        names = [name[0] for name in self.painter.shiny]
+        warnings += of_shine(names, arrays.pop("shiny"), arrays["triangles"], arrays["albedo"])
         arrays["two_sided"] = two_sided(self.shapes) & ~arrays.pop("one_sided")
         for rays, cells in self.cells.items():
             arrays[rays] = _opacity(arrays[rays], cells)
@@ -346,7 +349,7 @@ class Reading:
         for mesh, users in self.users.items():
             names = list(dict.fromkeys(users))
             if len(names) > 1:
-                self.remark(f"mesh '{mesh}' is shared by {_list(names)}: its colours are those of '{names[0]}'")
+                self.remark(f"mesh '{mesh}' is shared by {listed(names)}: its colours are those of '{names[0]}'")
             elif len(users) > 1:
                 self.remark(f"mesh '{mesh}' appears {len(users)} times in '{names[0]}': its colours are those of the "
                             "first")  # fmt: skip
@@ -392,8 +395,3 @@ def _materials(obj: bpy.types.Object) -> list[bpy.types.Material | None]:
         if index < len(found) and slot.link == "OBJECT":
             found[index] = slot.material
     return found or [None]
-
-
-def _list(names: list[str]) -> str:
-    shown = ", ".join(f"'{name}'" for name in names[:3])
-    return f"{shown} and {len(names) - 3} more" if len(names) > 3 else shown

@@ -158,6 +158,12 @@ def _of_shader(material: bpy.types.Material, points: Points, images: dict[bpy.ty
     return Surface(*parts, tuple(shaders.remarks))
 
 
+def shines(surface: Surface) -> bool:
+    """Whether metal and gloss reflect more than half of what a surface reflects; of a measured one nobody knows."""
+    shine, measured = surface.gloss[:, SHINE].mean(), surface.gloss[:, MEASURED].any()
+    return not measured and bool(shine > surface.albedo.mean() / 2)
+
+
 def is_air(material: bpy.types.Material | None) -> bool:
     """Whether a material has a volume and no surface."""
     if volume_node(material) is None:

@@ -126,6 +126,7 @@ GERMAN = {
     "the window no longer shows scene '{}'": "das Fenster zeigt Szene '{}' nicht mehr",
     "visibility is not kept: save the .blend first, the file goes beside it": "Sichtbarkeit wird nicht behalten: Zuerst die .blend-Datei speichern, die Datei kommt daneben",
     "visibility is not kept: {}": "Sichtbarkeit wird nicht behalten: {}",
+    "what metal and gloss of material {} reflect is taken as diffuse: light around may be some percent off": "was Metall und Glanz von Material {} reflektieren, gilt als diffus: Licht in der Umgebung kann um einige Prozent abweichen",
     "world '{}': {}": "Welt '{}': {}",
     "{} '{}': its volume absorbs {} per metre": "{} '{}': Sein Volumen absorbiert {} je Meter",
     "{} and {} more": "{} und {} weitere",

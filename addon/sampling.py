@@ -8,14 +8,14 @@ is large, it is cut, so that light of several colours leaves it.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from fmm_core.opacity import cell_centres
 
-from .materials import GLOSS, Name, Surface, find, read_material
+from .materials import GLOSS, Name, Surface, find, read_material, shines
 from .meshes import Layers, Mesh, with_area
 from .node_values import Points
 from .tables import Tables
@@ -58,6 +58,7 @@ class Painted:
     """A mesh with its materials.
 
     triangles (T', 3, 3): those of the mesh that have an area, in world space, some of them in parts
+    shiny (T',): the number of the material, counted from 1, where it shines more than it scatters, else 0
     albedo (T', 3), emission (T', 3) W/m^2, opacity (T',), one_sided (T',): as `fmm_core.Scene` and `Opacity` have
     them; opacity_cells: one array of n * n cells for each triangle, or None where it has a constant
     corner_albedo, corner_emission (C, 3): colour and emission at the corners of the mesh; corner_gloss (C, GLOSS), or
@@ -70,6 +71,7 @@ class Painted:
     opacity: Array
     opacity_cells: list[Array | None]
     one_sided: Array
+    shiny: Array
     corner_albedo: Array
     corner_emission: Array
     corner_gloss: Array
@@ -116,13 +118,14 @@ class Coat:
     """One material on one mesh: a constant, or what was found on its triangles and corners.
 
     slot: of the mesh; surface: everywhere, or at the corners that have it; found: as `_sampled` has it, None for a
-    constant
+    constant; shiny: as `Painted` has it
     """
 
     slot: int
     surface: Surface
     one_sided: bool
     found: list[_Sampled] | None
+    shiny: int = 0
 
 
 @dataclass
@@ -130,7 +133,8 @@ class Painter:
     """Reads materials on meshes.
 
     detail: parts of triangles are about this large, m; images: what was read already; constants: materials that are
-    the same everywhere; tables: those of measured ones; gloss: whether it is wanted
+    the same everywhere; tables: those of measured ones; gloss: whether it is wanted; shiny: numbers of materials that
+    shine more than they scatter, counted from 1
 
     What takes long is done in steps, between which Blender may do what it likes: a material is looked up by its name
     in each of them.
@@ -141,6 +145,7 @@ class Painter:
     constants: dict[Name | None, tuple[Surface, bool, tuple[str, ...]]]
     tables: Tables
     gloss: bool
+    shiny: dict[Name, int] = field(default_factory=dict)
 
     def coats(
         self, slots: Slots, materials: Sequence[Name | None]
@@ -153,6 +158,7 @@ class Painter:
             corner = slots.first(slot)
             if corner is not None:
                 coat, texts = yield from self._coat(slots, slot, material, corner)
+                coat.shiny = self.shiny.get(material, 0)
                 coats.append(coat)
                 remarks += [(material, text) for text in texts]
                 yield
@@ -202,7 +208,10 @@ class Painter:
         return Surface(**found, gloss=_joined([each.gloss for each in surfaces], counts) if self.gloss else _DULL)
 
     def _read(self, material: Name | None, points: Points) -> Surface:
-        return read_material(find(material), points, self.images, self.tables)
+        surface = read_material(find(material), points, self.images, self.tables)
+        if shines(surface):
+            self.shiny.setdefault(material, len(self.shiny) + 1)
+        return surface
 
     def _sides(self, material: Name, front: Surface, points: Points) -> tuple[bool, tuple[str, ...]]:
         """Whether a material that asks which side it is seen from is dark at its back; and a remark if it cannot be."""
@@ -228,7 +237,7 @@ def paint(slots: Slots, coats: Sequence[Coat], gloss: bool) -> Painted:
     """A mesh with its coats, and the gloss of its corners if wanted; asks nothing of Blender."""
     corners = len(slots.mesh.corner_vertex)
     shine = np.zeros((corners if gloss else 0, GLOSS), np.float32)
-    painted = Painted(*([] for _ in range(6)), *np.zeros((2, corners, 3)), shine)
+    painted = Painted(*([] for _ in range(7)), *np.zeros((2, corners, 3)), shine)
     for coat in coats:
         own, at = slots.of(coat.slot)
         painted.corner_albedo[at], painted.corner_emission[at] = coat.surface.colour, coat.surface.emission
@@ -246,7 +255,8 @@ def paint(slots: Slots, coats: Sequence[Coat], gloss: bool) -> Painted:
             painted.opacity.append(opacity)
             painted.opacity_cells += cells
             painted.one_sided.append(np.full(len(triangles), coat.one_sided))
-    for name in ("triangles", "albedo", "emission", "opacity", "one_sided"):
+            painted.shiny.append(np.full(len(triangles), coat.shiny))
+    for name in ("triangles", "albedo", "emission", "opacity", "one_sided", "shiny"):
         parts = getattr(painted, name)
         setattr(painted, name, np.concatenate(parts) if parts else np.zeros((0, *_SHAPES.get(name, ()))))
     return painted

@@ -317,3 +317,24 @@ def test_light_path_says_what_it_does_to_diffuse_light(build, read, lamp, output
     arrays = read()
     assert arrays.emission[2:] == pytest.approx(np.full((2, 3), math.pi * said))
     assert arrays.warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("inputs", "size", "told"),
+    [
+        ({"Metallic": 1.0}, 1.0, True),
+        ({"Metallic": 0.9, "Roughness": 0.9}, 1.0, True),
+        ({"Metallic": 1.0}, 0.03, False),
+        ({"Metallic": 0.3}, 1.0, False),
+        ({"Roughness": 0.0}, 1.0, False),
+    ],
+)
+def test_metal_that_lights_others_is_named(build, read, lamp, inputs, size, told):
+    steel = build.material("Steel", PRINCIPLED)
+    for name, value in inputs.items():
+        steel.node_tree.nodes[0].inputs[name].default_value = value
+    build.quad("Floor", build.material())
+    build.quad("Sheet", steel, z=1).scale = (size, size, 1)
+    bpy.context.view_layer.update()
+    text = "what metal and gloss of material 'Steel' reflect is taken as diffuse: light around may be some percent off"
+    assert read().warnings == (text,) * told
