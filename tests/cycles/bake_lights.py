@@ -157,7 +157,7 @@ LIGHTS = {
     "hidden emitter": lambda: (lamp("AREA", energy=60, size=0.5), hide(emitter(), "diffuse")),
     "hidden blocker": lambda: (emitter(), hide(bpy.data.objects["Blocker"], "diffuse", "shadow")),
     "box inside out": lambda: (lamp("SUN", energy=3, angle=0.15), box((0.9, -1.4, 0.3), (1.4, 1.4, 2.0))),
-    "glow inside out": lambda: box((-0.9, -0.4, 0.3), (-0.8, 0.5, 1.0), "ShaderNodeEmission", 5.0),
+    "glow inside out": lambda: box((-1.2, -0.4, 0.3), (-0.7, 0.3, 0.9), "ShaderNodeEmission", 5.0),
     "room of a cube": lambda: (lamp("AREA", energy=60, size=0.5), box((-2, -2, -0.5), (2, 2, 2.5), inwards=False)),
     "even sky": lambda: world(strength=2.0),
     "sky texture": lambda: world("ShaderNodeTexSky", 0.2, sky_type="NISHITA", sun_elevation=0.9, sun_rotation=0.5),
