@@ -20,7 +20,7 @@ LAMPS = 0.1
 #: Patches are cut until their longest edge fits, but not where they are this many times smaller than they may be.
 SLIVER = 50.0
 #: Softening of the point kernel, in patch radii: far below any distance at which it is used unreplaced.
-SOFTENING = 1e-3
+SOFTENING = 1e-5
 #: Triangles whose albedos are the same to so many steps of 1 may share a particle, which has their mean.
 ALBEDO_STEPS = 16
 #: Surfaces closer than this share of the scene are in one place: rays cannot tell them apart.
