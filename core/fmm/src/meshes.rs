@@ -10,17 +10,19 @@ use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
 pub(crate) const PARALLEL: f64 = 1e-3;
 
 type Vector = [f64; 3];
-type Place = [u64; 3];
+type Place = [i64; 3];
 
 /// Boxes that differ by less than this share of the scene are the same.
 const ROUNDING: f64 = 1e-6;
+/// Corners that differ by less than this share of the scene are one: their places are rounded.
+const ONE_CORNER: f64 = 1e-10;
 /// Corners that differ by less are the same at a rim.
 const SAME_CORNER: f64 = 1e-9;
 /// Meshes that hold less than this share of a cube around them have no inside.
 const FLAT: f64 = 1e-6;
 
 /// The mesh that each triangle belongs to, by its first triangle, from the numbers of their corners: those of one mesh are joined
-/// by corners at exactly the same places.
+/// by corners at the same places.
 pub(crate) fn meshes(corners: &[[u32; 3]]) -> Vec<u32> {
     let mut sets = Sets::new(corners.len());
     let mut first = vec![u32::MAX; corners.as_flattened().iter().max().map_or(0, |&most| most as usize + 1)];
@@ -35,10 +37,14 @@ pub(crate) fn meshes(corners: &[[u32; 3]]) -> Vec<u32> {
 
 /// Numbers of the corners of triangles: the same where the place is.
 pub(crate) fn corners(triangles: &[[Vector; 3]]) -> Vec<[u32; 3]> {
-    numbered(triangles, place)
+    let (least, most) = bounds(triangles.iter());
+    numbered(triangles, ONE_CORNER * sub(most, least).into_iter().fold(0.0, f64::max))
 }
 
-fn numbered(triangles: &[[Vector; 3]], place: impl Fn(&Vector) -> Place) -> Vec<[u32; 3]> {
+/// The same, where places are multiples of a length.
+fn numbered(triangles: &[[Vector; 3]], step: f64) -> Vec<[u32; 3]> {
+    let step = step.max(f64::MIN_POSITIVE);
+    let place = |corner: &Vector| -> Place { corner.map(|x| (x / step).round() as i64) };
     let mut known = FxHashMap::with_capacity_and_hasher(triangles.len(), FxBuildHasher);
     let mut number = |corner: &Vector| {
         let next = known.len() as u32;
@@ -50,8 +56,7 @@ fn numbered(triangles: &[[Vector; 3]], place: impl Fn(&Vector) -> Place) -> Vec<
 /// Which edges of triangles, from the first corner to the second and so on, belong to no other, but for those of the same
 /// corners, in a scene of this size; corners that differ by rounding are in the same place.
 pub(crate) fn rims(triangles: &[[Vector; 3]], size: f64) -> Vec<[bool; 3]> {
-    let step = SAME_CORNER * size.max(f64::MIN_POSITIVE);
-    let corners = numbered(triangles, |corner| corner.map(|x| (x / step).round() as i64 as u64));
+    let corners = numbered(triangles, SAME_CORNER * size);
     let edges =
         |&[a, b, c]: &[u32; 3]| [(a, b, c), (b, c, a), (c, a, b)].map(|(p, q, third)| ((p.min(q), p.max(q)), third));
     // The third corner of all triangles there, or none where these differ.
@@ -97,11 +102,6 @@ pub(crate) type TriangleTree = RTree<GeomWithData<Rectangle<Vector>, usize>>;
 pub(crate) fn triangle_tree(triangles: &[[Vector; 3]]) -> TriangleTree {
     let boxed = |(t, i): (&[Vector; 3], usize)| GeomWithData::new(Rectangle::from_aabb(AABB::from_points(t)), i);
     RTree::bulk_load(triangles.iter().zip(0..).map(boxed).collect())
-}
-
-fn place(corner: &Vector) -> Place {
-    // 0 and -0 are the same place.
-    corner.map(|x| (x + 0.0).to_bits())
 }
 
 /// Whether everything is inside a mesh that has no opening and faces inwards, so that nothing comes in from outside.
@@ -192,6 +192,17 @@ mod tests {
         assert!(!is_sealed(&outside));
         let body: Vec<_> = room().into_iter().map(|[a, b, c]| [a, c, b]).collect();
         assert!(!is_sealed(&body));
+    }
+
+    #[test]
+    fn corners_that_differ_by_rounding_are_one() {
+        let turned = |x: f64| [[x, 0.1, 0.2], [0.3, x, 0.7], [-0.0, 0.9, x]];
+        let third = 1.0 / 3.0;
+        let close = turned(third * (1.0 + f64::EPSILON));
+        assert_ne!(turned(third), close);
+        let found = corners(&[turned(third), close, turned(0.4)]);
+        assert_eq!(found[0], found[1]);
+        assert_eq!(meshes(&found), [0, 0, 2]);
     }
 
     #[test]
