@@ -98,8 +98,8 @@ def test_light_with_shadows_does_not_depend_on_place_turn_and_order(cases, metho
         received = [(each.particles.weights[:, None] * each.received).sum() for each in (first, second)]
         sent = (first.particles.weights[:, None] * first.radiosity).sum(axis=1)
         # Rays that graze an edge may fall on either side of it once turned. Each particle has 50 or more, each of which
-        # tells all or nothing: three standard deviations of their sum, weighed by what the particles send.
-        assert abs(received[0] - received[1]) <= 3 * 0.5 / np.sqrt(50) * np.linalg.norm(sent)
+        # tells all or nothing: three standard deviations of the difference of two such sums, weighed by what they send.
+        assert abs(received[0] - received[1]) <= 3 * np.sqrt(2) * 0.5 / np.sqrt(50) * np.linalg.norm(sent)
 
 
 @CASES
