@@ -228,7 +228,7 @@ class Reading:
             self.append(**{rays: painted.opacity * meets})
             self.cells[rays] += painted.opacity_cells if meets else [None] * len(painted.opacity)
         self.shaded |= seen.diffuse != seen.shadow
-        self.shapes.append(Shape(mesh, world.position, len(painted.triangles)))
+        self.shapes.append(Shape(mesh, world.position, world.mirrored, len(painted.triangles)))
 
     def add_volume(self, name: str, mesh: Mesh, painted: Painted, absorption: list[np.ndarray]) -> None:
         """Add what is inside an object, whose materials absorb so much, if light gets there."""

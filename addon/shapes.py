@@ -14,10 +14,13 @@ from .meshes import Mesh, is_closed
 
 @dataclass(frozen=True)
 class Shape:
-    """What tells a room from a solid: a mesh, position (V,3) m of its vertices, and its number of triangles."""
+    """What tells a room from a solid: a mesh, position (V,3) m of its vertices, whether that is a mirror image of it,
+    and its number of triangles.
+    """
 
     mesh: Mesh
     position: np.ndarray
+    mirrored: bool
     triangles: int
 
 
@@ -48,6 +51,9 @@ def _any_inside(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
 
 
 def _any_outside(shape: Shape, least: np.ndarray, most: np.ndarray) -> bool:
-    """Whether a part of a closed shape faces inwards and does not reach around all that is between these corners."""
-    low, high = inward(shape.position, shape.mesh.corner_vertex[shape.mesh.triangle_corners])
-    return bool(((low > least) | (high < most)).any())
+    """Whether a part of a closed shape faces inwards and does not reach around all that is between these corners, or
+    one that faces outwards lies in another.
+    """
+    corners = shape.mesh.corner_vertex[shape.mesh.triangle_corners]
+    low, high, nested = inward(shape.position, corners[:, ::-1] if shape.mirrored else corners)
+    return nested or bool(((low > least) | (high < most)).any())

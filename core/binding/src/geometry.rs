@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 
 type ContactArrays<'py> =
     (Bound<'py, PyArray1<i8>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<bool>>);
-type BoxArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+type BoxArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, bool);
 type PlaneArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
 
 /// Whether all triangles (T, 3, 3) are inside a mesh without openings.
@@ -25,8 +25,8 @@ pub fn volume(py: Python, scene: PyReadonlyArray3<f64>) -> PyResult<f64> {
     Ok(py.detach(|| ::fmm::meshes::volume(triangles.iter())))
 }
 
-/// The least and the greatest coordinates (P, 3) of closed meshes of triangles (T, 3, 3) that face inwards and are in none that
-/// faces outwards, by the numbers of their corners (T, 3).
+/// Of closed parts of triangles (T, 3, 3) the least and the greatest coordinates (P, 3) of those that face inwards and are no
+/// inner sides of others, and whether any that faces outwards lies in another, by the numbers of their corners (T, 3).
 #[pyfunction]
 pub fn inward<'py>(
     py: Python<'py>,
@@ -37,8 +37,9 @@ pub fn inward<'py>(
     if corners.len() != triangles.len() {
         return Err(value_error("corners and triangles differ in number"));
     }
-    let (least, most) = py.detach(|| ::fmm::meshes::inward(corners, triangles)).into_iter().unzip();
-    Ok((table(py, least)?, table(py, most)?))
+    let (boxes, nested) = py.detach(|| ::fmm::meshes::inward(corners, triangles));
+    let (least, most) = boxes.into_iter().unzip();
+    Ok((table(py, least)?, table(py, most)?, nested))
 }
 
 /// Each different plane of triangles (T, 3, 3) in a scene of this size, as normal and minus its offset (P, 4), and whether

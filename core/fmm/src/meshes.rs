@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Triangles that make up one mesh, and whether it is a room without openings.
 
-use crate::vector::{cross, dot, high, low, sub};
+use crate::vector::{cross, dot, high, low, norm, sub};
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
+use std::f64::consts::PI;
 
 /// Normals whose cross product is shorter lie in one plane.
 pub(crate) const PARALLEL: f64 = 1e-3;
@@ -18,6 +19,8 @@ const ROUNDING: f64 = 1e-6;
 const ONE_CORNER: f64 = 1e-10;
 /// Corners that differ by less are the same at a rim.
 const SAME_CORNER: f64 = 1e-9;
+/// Places of a part that tell whether it lies in others.
+const PROBES: usize = 9;
 /// Meshes that hold less than this share of a cube around them have no inside.
 const FLAT: f64 = 1e-6;
 
@@ -117,21 +120,46 @@ pub fn is_sealed(triangles: &[[Vector; 3]]) -> bool {
     })
 }
 
-/// The boxes around closed meshes that face inwards, but for those within the box of one that faces outwards, as in a wall
-/// with two sides; from the numbers of their corners.
-pub fn inward(corners: &[[u32; 3]], triangles: &[[Vector; 3]]) -> Vec<(Vector, Vector)> {
-    let (mut inward, mut outward) = (Vec::new(), Vec::new());
-    for mesh in parts(corners).values() {
-        let part = || mesh.iter().map(|&i| &triangles[i]);
-        let (least, most) = bounds(part());
-        let cube = sub(most, least).into_iter().fold(0.0, f64::max).powi(3);
-        if volume(part()) < -FLAT * cube { &mut inward } else { &mut outward }.push((least, most));
-    }
-    let within = |(least, most): (Vector, Vector), (low, high): (Vector, Vector)| {
-        (0..3).all(|i| low[i] <= least[i] && high[i] >= most[i])
+/// Of closed parts of a mesh, the boxes around those that face inwards, but for the inner sides of others, as in a wall with
+/// two sides; and whether any that faces outwards lies in another; from the numbers of their corners.
+pub fn inward(corners: &[[u32; 3]], triangles: &[[Vector; 3]]) -> (Vec<(Vector, Vector)>, bool) {
+    let parts: Vec<Vec<[Vector; 3]>> =
+        parts(corners).into_values().map(|part| part.into_iter().map(|i| triangles[i]).collect()).collect();
+    let boxes: Vec<(Vector, Vector)> = parts.iter().map(|part| bounds(part.iter())).collect();
+    let boxed = |(&(least, most), i)| GeomWithData::new(Rectangle::from_corners(least, most), i);
+    let tree: TriangleTree = RTree::bulk_load(boxes.iter().zip(0..).map(boxed).collect());
+    let is_inside = |i: usize| {
+        let step = parts[i].len().div_ceil(PROBES);
+        let within = |triangle: &[Vector; 3]| {
+            let place = [0, 1, 2].map(|axis| triangle.iter().map(|corner| corner[axis]).sum::<f64>() / 3.0);
+            let others = tree.locate_all_at_point(&place).filter(|other| other.data != i);
+            others.map(|other| winding(place, &parts[other.data])).sum::<f64>() > 0.5
+        };
+        let probes = || parts[i].iter().step_by(step);
+        2 * probes().filter(|triangle| within(triangle)).count() > probes().count()
     };
-    inward.retain(|&own| !outward.iter().any(|&other| within(own, other)));
-    inward
+    let (mut inward, mut nested) = (Vec::new(), false);
+    for (i, &(least, most)) in boxes.iter().enumerate() {
+        let cube = sub(most, least).into_iter().fold(0.0, f64::max).powi(3);
+        match (volume(parts[i].iter()) < -FLAT * cube, is_inside(i)) {
+            (true, false) => inward.push((least, most)),
+            (false, inside) => nested |= inside,
+            (true, true) => {}
+        }
+    }
+    (inward, nested)
+}
+
+/// How many times closed triangles go around a place: 1 inside of what faces outwards. Van Oosterom and Strackee, IEEE
+/// Trans. Biomed. Eng. 30 (1983), eq 8.
+fn winding(place: Vector, triangles: &[[Vector; 3]]) -> f64 {
+    let solid_angle = |triangle: &[Vector; 3]| {
+        let [a, b, c] = triangle.map(|corner| sub(corner, place));
+        let [x, y, z] = [a, b, c].map(norm);
+        let below = x * y * z + dot(a, b) * z + dot(b, c) * x + dot(c, a) * y;
+        2.0 * dot(a, cross(b, c)).atan2(below)
+    };
+    triangles.iter().map(solid_angle).sum::<f64>() / (4.0 * PI)
 }
 
 /// The triangles of each mesh, from the numbers of their corners.
@@ -215,10 +243,19 @@ mod tests {
             let triangles = parts.concat();
             inward(&corners(&triangles), &triangles)
         };
-        assert_eq!(inward(&[at(&body, 0.0, 1.0), at(&room(), 2.0, 0.5)]), [([2.0, 0.0, 0.0], [2.5, 0.5, 0.5])]);
-        assert!(inward(&[at(&body, -0.1, 2.0), at(&room(), 0.0, 1.0)]).is_empty());
+        let box_at = |x: f64, size: f64| ([x, 0.0, 0.0], [x + size, size, size]);
+        assert_eq!(inward(&[at(&body, 0.0, 1.0), at(&room(), 2.0, 0.5)]), (vec![box_at(2.0, 0.5)], false));
+        let inner = at(&room(), 0.0, 1.0).iter().map(|t| t.map(|c| c.map(|x| x + 0.1))).collect();
+        let wall = [at(&body, 0.0, 2.0), inner];
+        assert_eq!(inward(&wall), (vec![], false));
+        let things = |from: &[[Vector; 3]]| at(from, 0.0, 0.2).iter().map(|t| t.map(|c| c.map(|x| x + 0.2))).collect();
+        let [wall, inner] = wall;
+        let found = inward(&[wall.clone(), inner.clone(), things(&room())]);
+        assert_eq!(found.0.len(), 1, "turned over in a room with thick walls");
+        assert_eq!(inward(&[wall.clone(), inner, things(&body)]), (vec![], false), "in a room with thick walls");
+        assert_eq!(inward(&[wall, things(&body)]), (vec![], true), "in a room that faces outwards");
         let sheet: Vec<_> =
             [room(), body].concat().into_iter().filter(|t| t.iter().all(|corner| corner[2] == 0.0)).collect();
-        assert!(inward(&[sheet]).is_empty());
+        assert_eq!(inward(&[sheet]), (vec![], false));
     }
 }

@@ -14,9 +14,9 @@ def signed_volume(triangles: Points) -> float:
     return _binding.volume(np.ascontiguousarray(triangles, np.float64))
 
 
-def inward(vertices: Points, corners: NDArray[np.integer]) -> tuple[Points, Points]:
-    """The least and the greatest coordinates (P, 3), m, of those of some closed meshes that face inwards: of vertices
-    (V, 3) in triangles (T, 3) of their numbers. Those within the box of one that faces outwards are none: it may be a
-    room with thick walls.
+def inward(vertices: Points, corners: NDArray[np.integer]) -> tuple[Points, Points, bool]:
+    """The least and the greatest coordinates (P, 3), m, of those parts of a closed mesh that face inwards: of vertices
+    (V, 3) in triangles (T, 3) of their numbers. The inner sides of walls are none. And whether any part that faces
+    outwards lies in another one, which may be a room.
     """
     return _binding.inward(np.ascontiguousarray(corners, np.uint32), np.ascontiguousarray(vertices[corners]))

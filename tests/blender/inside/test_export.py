@@ -122,10 +122,11 @@ def test_closed_rooms_are_two_sided(build, read, inward):
     assert read().two_sided.tolist() == [True] * 2 + [True] * 12 + [False] * 12
 
 
+@pytest.mark.parametrize("scale", [(1, 1, 1), (-1, 1, 1), (-1, -1, 1), (-1, -1, -1)])
 @pytest.mark.parametrize("inward", [False, True])
-def test_what_is_inside_out_shows_its_backs_to_what_is_outside(build, read, inward):
+def test_what_is_inside_out_shows_its_backs_to_what_is_outside(build, read, inward, scale):
     build.quad("Lamp", build.light(), z=2)
-    build.cube("Box", inward=inward)
+    build.cube("Box", inward=inward).scale = scale
     assert read().two_sided.tolist() == [True] * 2 + [inward] * 12
 
 
@@ -145,6 +146,19 @@ def test_a_part_of_a_mesh_may_be_inside_out(build, read):
     for vertex in parts[0].data.vertices[8:]:
         vertex.co.x -= 2
     assert read().two_sided.tolist() == [True] * 2 + [False] * 24
+
+
+@pytest.mark.parametrize("thing_inward", [False, True])
+@pytest.mark.parametrize("walls", [[False], [False, True]])
+def test_things_may_be_joined_to_the_room_that_they_are_in(build, read, walls, thing_inward):
+    build.quad("Lamp", build.light(), z=9)
+    parts = [build.cube(f"Wall {i}", size=3 - i, inward=inward) for i, inward in enumerate(walls)]
+    parts.append(build.cube("Thing", size=0.5, inward=thing_inward))
+    with bpy.context.temp_override(active_object=parts[0], selected_editable_objects=parts):
+        bpy.ops.object.join()
+    # A solid in a room with thick walls, and a cavity in a solid, are what they seem.
+    clear = thing_inward == (len(walls) == 1)
+    assert read().two_sided.tolist() == [True] * 2 + [not clear] * 12 * len(parts)
 
 
 def test_neighbours_in_contact_are_one_sided(build, read):
