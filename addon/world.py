@@ -26,8 +26,8 @@ _BRIGHT, _AROUND = 0.02, 3
 _BRIGHT_SAMPLES = 500_000
 _MOST_SAMPLES = 4096
 _OUTPUT, _PATH = "ShaderNodeOutputWorld", "ShaderNodeLightPath"
-# What the node Light Path counts: 1 for light that goes straight to a surface.
-_BOUNCES = ("Ray Depth", "Diffuse Depth")
+# What the node Light Path counts for light that goes straight to a surface, as Cycles bakes it.
+_BOUNCES = {"Ray Depth": 2.0, "Diffuse Depth": 1.0}
 
 
 def read_world(scene: bpy.types.Scene) -> tuple[fmm_core.Sky | None, list[str]]:
@@ -93,7 +93,7 @@ def _show_as_to_surfaces(tree: bpy.types.NodeTree) -> None:
         for output in node.outputs:
             for link in list(output.links):
                 value = tree.nodes.new("ShaderNodeValue")
-                value.outputs[0].default_value = float(output.name in (*DIFFUSE_RAY, *_BOUNCES))
+                value.outputs[0].default_value = _BOUNCES.get(output.name, float(output.name in DIFFUSE_RAY))
                 tree.links.new(value.outputs[0], link.to_socket)
 
 

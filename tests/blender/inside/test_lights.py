@@ -322,6 +322,11 @@ def test_the_world_shines_as_rays_of_diffuse_light_see_it(build, read, grouped):
     assert read().sky.radiance.reshape(-1, 3).mean(axis=0) == pytest.approx([9 * 0.8] * 3, rel=1e-5)
     tree.links.new(path.outputs["Diffuse Depth"], mixed.inputs["Fac"])
     assert read().warnings == ("world 'Sky': its Light Path node counts bounces: the first one is taken for all",)
+    # What Cycles bakes onto a plane under a world of these strengths.
+    for name, strength in (("Diffuse Depth", 1.0), ("Ray Depth", 2.0)):
+        tree.links.new(path.outputs[name], bright.inputs["Strength"])
+        tree.links.new(bright.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
+        assert read().sky.radiance.reshape(-1, 3).mean(axis=0) == pytest.approx([0.8 * strength] * 3, rel=1e-5)
 
 
 def test_other_power_and_sky_trace_no_ray(build, fmm):
