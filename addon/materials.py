@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from fmm_core import Brdf, Error, Gloss
 
+from . import not_simulated
 from .node_readers import plain
 from .node_values import Points, Unreadable, Values, output_of
 from .tables import Tables
@@ -50,6 +51,7 @@ _REFLECTING = {
     "ShaderNodeBsdfMetallic": "Base Color",
     "ShaderNodeBsdfSheen": "Color",
     "ShaderNodeBsdfToon": "Color",
+    "ShaderNodeBsdfTranslucent": "Color",
     "ShaderNodeSubsurfaceScattering": "Color",
 }
 #: Those of them that shine.
@@ -229,6 +231,8 @@ class _Shaders:
         if source is None or not source.is_output:
             return _NOTHING
         node, kind = source.node, source.node.bl_idname
+        for text in not_simulated.of_shader(node, self.values):
+            self.remark(text)
         if kind == "ShaderNodeMixShader":
             factor = np.clip(self.number(node, "Fac"), TRACE, 1 - TRACE)
             return _sum((1 - factor, self.closure(node.inputs[1])), (factor, self.closure(node.inputs[2])))
@@ -244,9 +248,6 @@ class _Shaders:
             return self.glossy(node, _REFLECTING[kind])
         if kind in _REFLECTING:
             return _reflecting(self.colour(node, _REFLECTING[kind]))
-        if kind == "ShaderNodeBsdfTranslucent":
-            self.remark(f"shader '{node.name}' is taken as diffuse reflection")
-            return _reflecting(self.colour(node, "Color"))
         if kind == "ShaderNodeHoldout":
             return _NOTHING
         self.remark(f"shader '{node.name}' is not simulated, grey 0.8 is used")

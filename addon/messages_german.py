@@ -106,6 +106,7 @@ GERMAN = {
     "out of memory: use fewer particles, or a machine with more of it": "der Speicher reicht nicht: Weniger Lichtpunkte nehmen oder einen Rechner mit mehr Speicher",
     "points": "Punktwolke",
     "relight: other triangles emit, or some that share a particle differ now; a new solve is more exact": "neu beleuchtet: Andere Flächen leuchten als zuvor, oder manche mit gemeinsamem Lichtpunkt sind nun verschieden; neues Backen ist genauer",
+    "Roughness of shader '{}' is not simulated, it scatters as a matt one": "Rauheit von Shader '{}' wird nicht simuliert, er streut wie ein matter",
     "scatters light": "streut Licht",
     "scene '{}' has no camera that could see the gloss: add one, or leave the view out": "Szene '{}' hat keine Kamera, die den Glanz sehen könnte: Eine hinzufügen oder die Kameraansicht weglassen",
     "scene '{}' has no mesh that a render would show{}": "Szene '{}' hat kein Mesh, das ein gerendertes Bild zeigen würde{}",

@@ -13,7 +13,8 @@ MODULES = (
 #: Modules whose texts are about the scene, in the extension and in the core.
 SPEAKING = [
     *("animation", "attributes", "bake", "error_map", "export", "lights", "materials", "memory", "meshes"),
-    *("node_readers", "ray_flags", "remarks", "sampling", "solving", "tables", "textures", "volumes", "world"),
+    *("node_readers", "not_simulated", "ray_flags", "remarks", "sampling", "solving", "tables", "textures"),
+    *("volumes", "world"),
 ]
 SPEAKING_CORE = ["effects", "errors", "report", "solution", "target"]
 #: Texts in them that are not shown, or are shown elsewhere, and short ones that are.
