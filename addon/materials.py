@@ -149,6 +149,7 @@ def _of_shader(material: bpy.types.Material, points: Points, images: dict[bpy.ty
         )
     shaders = _Shaders(material, Values(points, images))
     closure = shaders.closure(socket)
+    shaders.remarks += not_simulated.of_output(material.node_tree, shaders.values)
     opacity = 1 - np.clip(closure.passes, 0, 1)
     glows = (closure.emission > 10 * TRACE * closure.emission.max()).any(axis=1)
     if (glows & (opacity < GLOWING)).any():
@@ -239,7 +240,10 @@ class _Shaders:
         if kind == "ShaderNodeAddShader":
             return _sum((ALL, self.closure(node.inputs[0])), (ALL, self.closure(node.inputs[1])))
         if kind == "ShaderNodeBsdfTransparent":
-            return _Closure(BLACK, BLACK, self.colour(node, "Color").mean(axis=1), BLACK, _DULL)
+            colour = self.colour(node, "Color")
+            if np.ptp(colour, axis=1).max() > TRACE:
+                self.remark(f"the colour of shader '{node.name}' is not simulated, its mean is used")
+            return _Closure(BLACK, BLACK, colour.mean(axis=1), BLACK, _DULL)
         if kind == "ShaderNodeEmission":
             return _Closure(BLACK, self.emission(node, "Color", "Strength"), NONE, BLACK, _DULL)
         if kind == "ShaderNodeBsdfPrincipled":
