@@ -84,6 +84,22 @@ def test_a_large_patch_does_not_take_a_small_lamp_for_its_own_size():
 
 
 @pytest.mark.parametrize("method", ["direct", "fmm"])
+def test_what_is_sent_across_a_narrow_gap_is_what_arrives(method):
+    low = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    # Four times as many patches on the other side, whose middle one has its point right above.
+    ab, bc, ca = (low + np.roll(low, -1, axis=0)) / 2
+    a, b, c = low
+    high = np.array([[a, ca, ab], [b, ab, bc], [c, bc, ca], [ab, ca, bc]]) + [0, 0, 4e-4]
+    settings = fmm_core.Settings(method=method, particles=1, quadrature=1, probes=0, effects={"occlusion": True})
+    solution = fmm_core.solve(fmm_core.Scene(np.concatenate([low[None], high]), 0.5, 1.0), settings)
+    operator, weights = solution._exchange.operator, solution.particles.weights
+    operator._received = operator._sent = 1.0
+    arrives = [weights @ operator.apply(one[:, None])[:, 0] for one in np.diag(1 / weights)]
+    sent = operator._mirrored(weights[:, None])[:, 0] + operator._correction.sent(weights)
+    assert sent == pytest.approx(np.array(arrives), abs=1e-6)
+
+
+@pytest.mark.parametrize("method", ["direct", "fmm"])
 def test_walls_that_are_there_twice_are_as_bright_as_once(method):
     # Three walls once more, cut along the other diagonal, so that no triangle is there twice.
     again = ROOM[:6].reshape(3, 2, 3, 3)
