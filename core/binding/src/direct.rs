@@ -146,11 +146,6 @@ impl NearField {
         vector(py, self.near.form_factors.clone())
     }
 
-    /// (M,) whether close patches fill most of a receiver's view.
-    fn in_gaps<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        vector(py, self.near.in_gaps())
-    }
-
     /// (K * points_per_patch, 3) where rays from the receiver should end.
     fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         table(py, self.near.targets.clone())

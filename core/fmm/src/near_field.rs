@@ -17,8 +17,6 @@ use std::borrow::Cow;
 const FILLED: f64 = 0.1;
 /// Cosine of the angle between both normals from which on they face each other.
 const OPPOSED: f64 = -0.5;
-/// A receiver of whose view close patches fill this share lies in a gap.
-const GAP: f64 = 0.5;
 
 /// Patches near each receiver, as compressed rows: the entries of receiver i are `starts[i]..starts[i + 1]`.
 #[derive(Debug, Clone, Default)]
@@ -85,14 +83,6 @@ impl NearField {
             })
             .collect();
         Ok(Self::from_rows(&rows))
-    }
-
-    /// (M,) whether close patches fill most of a receiver's view, which then sees hardly any but the next to it.
-    pub fn in_gaps(&self) -> Vec<bool> {
-        let per_patch = self.form_factors.len() / self.patches.len().max(1);
-        let close = |row: &[usize]| (row[0]..row[1]).filter(|&e| self.close[e]);
-        let filled = |e: usize| self.form_factors[e * per_patch..(e + 1) * per_patch].iter().sum::<f64>();
-        self.starts.windows(2).map(|row| close(row).map(filled).sum::<f64>() > GAP).collect()
     }
 
     fn from_rows(rows: &[Vec<Entry>]) -> Self {

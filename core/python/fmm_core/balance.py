@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _binding
 from .arrays import bounds
 from .closed import signed_volume
 from .particles import Particles
@@ -32,8 +31,6 @@ LEAK = 1e-4
 LEAST_RAYS, MOST_RAYS, ALL_RAYS = 4, 512, 320_000
 #: Random particles, and rays of each, that are enough to tell whether light can leave a scene.
 FEW, FEW_RAYS = 4000, 16
-#: What lies in a gap is no farther from the middle of the patch opposite than its radius, and this share of it.
-BESIDE = 0.2
 #: Corners closer than this share of the scene are one.
 SAME_CORNER = 1e-9
 
@@ -62,16 +59,10 @@ def received_balance(rows: NDArray[np.float64], closed: bool) -> NDArray[np.floa
 
 
 def source_groups(particles: Particles) -> NDArray[np.int64]:
-    """(N,) one number for the points of all small parts of a patch, for those of a patch in a gap, and for each other
-    point.
-    """
+    """(N,) one number for the points of all small parts of a patch, and for each other point."""
     origin, per_patch = particles.origin, particles.per_patch
-    points = particles.positions, particles.normals
-    reach = (1 + BESIDE) * particles.radii * particles.whole
-    in_gap = _binding.NearField(*points, particles.patches, reach, particles.rule).in_gaps()
-    # Which of the patch opposite a point sees, where it sees little else, is chance.
-    together = (np.bincount(origin)[origin] > 1)[:, None] | in_gap.reshape(-1, per_patch)
-    return (per_patch * origin[:, None] + np.arange(per_patch) * ~together).ravel()
+    cut = np.bincount(origin)[origin] > 1
+    return (per_patch * origin[:, None] + np.arange(per_patch) * ~cut[:, None]).ravel()
 
 
 def sent_balance(
